@@ -5,8 +5,17 @@ use crate::{bench, budget, chart, closed_loop, page, published, solve, study, ta
 use clap::{Parser, Subcommand};
 use rigctl::commands::identify::Identify;
 use rigctl::failure::Failure;
+use rigctl::help::Group;
 use rigctl::options::{Global, no_effect};
 use rigctl::output::Output;
+
+/// The commands, grouped by what one wants to do.
+pub const GROUPS: [Group; 4] = [
+    ("Paper", &["published", "identify", "study"]),
+    ("Model and table", &["solve", "table"]),
+    ("Accuracy and speed", &["budget", "chart", "loop"]),
+    ("Page", &["report"]),
+];
 
 /// The laboratory of a twisted-string actuator: methods, tables and models compared, the paper's numbers, error budget, figures.
 ///
@@ -25,40 +34,41 @@ pub struct Cli {
 /// What to do.
 #[derive(Debug, Subcommand)]
 pub enum Command {
-    /// The numbers that the paper prints beside the same numbers computed for the scene
+    /// Print the paper's numbers beside the same numbers computed for the scene
     Published(published::Arguments),
     /// Vary one value of the scene and print contraction and TR for each
     ///
     /// Example: `tsa-lab study --vary D0=8mm..32mm:5 --out out`
     Study(study::Arguments),
-    /// Speed against accuracy of every method, tier and table form, and where methods fail: figures and their data
+    /// Draw speed against accuracy of every method, tier and table, and where they fail
     Chart(chart::Arguments),
-    /// Moves of the emulated board with tables of cheaper models and of other accuracies: loop.csv
+    /// Move the emulated board with tables of cheaper models and of other accuracies
+    ///
+    /// Writes loop.csv.
     Loop(closed_loop::Arguments),
-    /// One self-contained page: the mechanism drawn and played with, table certificate, charts, a recorded move
+    /// Write one interactive HTML page: mechanism, solver, table, charts, a recorded move
     ///
     /// The page has the solver inside and needs no network; any browser shows it. What cannot be made (a chart that another
-    /// command measures, a move without firmware) is named in the page.
+    /// command measures, a move without firmware) is named on standard error and in the page.
     /// Example: `tsa-lab report --out out/report.html`
     Report(page::report::Arguments),
-    /// What each part of a rig contributes to the errors of position and load, and how accurate a table is worth having
+    /// Print what limits the accuracy of position and load, and the table that is enough
     ///
     /// Computed from the scene, the model's sensitivities and the sizes of --rig (docs/explanation/accuracy.md);
-    /// nothing is emulated. Half widths of intervals that hold 90 of 100 cases, a case being a rig of the kind at a
-    /// state of the scene's envelope. With
-    /// --json one object a part: part, position_m, load_relative.
+    /// nothing is emulated. 90 % uncertainties over actuators of the kind and states of the scene's envelope. With --json one
+    /// object a part: part, position_m, load_relative.
     /// Example: `tsa-lab budget --rig hard`
     Budget(budget::report::Arguments),
-    /// Fit and certify the scene's table, and print why this one was chosen
+    /// Fit the scene's table, print its error bounds and why this one was chosen
     Table(table_report::Arguments),
-    /// One equilibrium by any method or tier, or one for each row of a file
+    /// Solve one equilibrium by any method or tier, or one for each row of a file
     ///
     /// Example: `tsa-lab solve --load 0.5kg --turns 3 --method paper`
     Solve(solve::Arguments),
     /// What an equilibrium costs, for `cargo xtask bench`
     #[command(hide = true, subcommand)]
     Bench(bench::Task),
-    /// Fit the scene's constants to the paper's numbers (`--published`), or to recorded sweeps as `rigctl` does
+    /// Fit the scene's constants to the paper's numbers, or to recorded sweeps as `rigctl` does
     Identify(Identify),
 }
 
@@ -102,4 +112,19 @@ fn rig_options(global: &Global, command: &Command) -> Result<(), Failure> {
         _ => no_effect(given(), "this command uses no rig"),
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Cli, GROUPS};
+    use clap::CommandFactory;
+
+    #[test]
+    fn the_page_about_commands_has_their_table() {
+        let tool = Cli::command();
+        let listed = GROUPS.iter().map(|(_, names)| names.len()).sum::<usize>();
+        assert_eq!(listed, tool.get_subcommands().filter(|command| !command.is_hide_set()).count());
+        let table = rigctl::help::table(&tool, &GROUPS);
+        assert!(include_str!("../../docs/reference/cli.md").contains(&table), "docs/reference/cli.md lacks:\n{table}");
+    }
 }

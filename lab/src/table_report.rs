@@ -8,6 +8,7 @@ use rigctl::options::Global;
 use rigctl::out_file::write_file;
 use rigctl::output::{Output, decimal};
 use rigctl::scene_file;
+use rigctl::units::{N, NM, NUMBER, PERCENT, TURNS_OF_RAD, UM};
 use serde_json::{Value, json};
 use std::path::PathBuf;
 use table_forms::LoadMap;
@@ -67,7 +68,7 @@ pub struct TableReport<'a> {
 /// A map of the load for people.
 fn map_name(map: Option<LoadMap>) -> String {
     match map {
-        Some(LoadMap::Ratio { knee_n }) => format!("F/(F + {knee_n} N)"),
+        Some(LoadMap::Ratio { knee_n }) => format!("F/(F + {})", N.exact(knee_n)),
         Some(LoadMap::Log) => "ln F".into(),
         Some(LoadMap::InverseRoot) => "F^(-1/2)".into(),
         None => "F".into(),
@@ -156,11 +157,11 @@ impl<'a> TableReport<'a> {
     /// The certificate as sentences, for somebody who has never seen the table.
     pub fn sentences(&self) -> Vec<String> {
         let (error_bounds, table, m) = (&self.fit.error_bounds, &self.fit.table, &self.fit.table.metadata);
-        let turns = |twist_rad: f64| format!("{:.2}", (twist_rad - tsa_model::PRETWIST_RAD) / std::f64::consts::TAU);
-        let at = |[load_n, twist_rad]: [f64; 2]| format!("{load_n:.2} N and {} turns", turns(twist_rad));
-        let (e, um, percent) =
-            (&error_bounds.errors, |m: f64| format!("{:.2}", 1e6 * m), |v: f64| format!("{:.3}", 1e2 * v));
-        let nm = |m: f64| format!("{:.0}", 1e9 * m);
+        let turns = |twist_rad: f64| TURNS_OF_RAD.exact(twist_rad - tsa_model::PRETWIST_RAD);
+        let at = |[load_n, twist_rad]: [f64; 2]| {
+            format!("{} and {}", N.show(load_n), TURNS_OF_RAD.show(twist_rad - tsa_model::PRETWIST_RAD))
+        };
+        let e = &error_bounds.errors;
         let monotone = if error_bounds.monotone {
             "Everywhere in the table the gap falls with the twist and rises with the load, so that a gap belongs to one twist."
         } else {
@@ -171,22 +172,22 @@ impl<'a> TableReport<'a> {
             ("form", FORM.into()),
             ("size", table.numbers.size()),
             ("instructions", lookup_instructions(&table.numbers.series()).to_string()),
-            ("low", m.load_min_n.to_string()),
-            ("high", m.load_max_n.to_string()),
+            ("low", NUMBER.exact(m.load_min_n)),
+            ("high", N.exact(m.load_max_n)),
             ("last", turns(m.twist_max_rad.into())),
-            ("contraction", um(e.contraction_max_m)),
-            ("contraction rms", um(e.contraction_rms_m)),
-            ("contraction allowed", um(self.accuracy.contraction_m)),
+            ("contraction", UM.error(e.contraction_max_m)),
+            ("contraction rms", UM.error(e.contraction_rms_m)),
+            ("contraction allowed", UM.exact(self.accuracy.contraction_m)),
             ("contraction at", at(error_bounds.worst_contraction_at)),
-            ("tr", percent(e.tr_max)),
-            ("tr rms", percent(e.tr_rms)),
-            ("tr allowed", percent(self.accuracy.tr_relative)),
+            ("tr", PERCENT.error(e.tr_max)),
+            ("tr rms", PERCENT.error(e.tr_rms)),
+            ("tr allowed", PERCENT.exact(self.accuracy.tr_relative)),
             ("tr at", at(error_bounds.worst_tr_at)),
             ("points", error_bounds.points.to_string()),
-            ("arithmetic", nm(error_bounds.rounding.arithmetic_m)),
-            ("inputs", nm(error_bounds.rounding.inputs_m)),
+            ("arithmetic", NM.error(error_bounds.rounding.arithmetic_m)),
+            ("inputs", NM.error(error_bounds.rounding.inputs_m)),
             ("monotone", monotone.into()),
-            ("closure", um(error_bounds.closure_m)),
+            ("closure", UM.error(error_bounds.closure_m)),
             ("why", self.why.clone()),
             ("hash", format!("{:08x}", m.scene_hash)),
             ("crc", format!("{:08x}", table.crc)),
@@ -196,7 +197,7 @@ impl<'a> TableReport<'a> {
 
     /// Every table that was considered, for people: head and rows.
     pub fn considered(&self) -> impl Iterator<Item = [String; 8]> {
-        let head = ["considered", "size", "load map", "bytes", "instructions", "max um", "TR max %", "passes"];
+        let head = ["considered", "size", "load map", "bytes", "instructions", "max µm", "TR max %", "passes"];
         let row = |c: &Considered| {
             [
                 c.form.into(),
@@ -204,8 +205,8 @@ impl<'a> TableReport<'a> {
                 map_name(c.load_map),
                 c.bytes.to_string(),
                 c.instructions.to_string(),
-                format!("{:.3}", c.errors.contraction_max_m * 1e6),
-                format!("{:.4}", c.errors.tr_max * 1e2),
+                UM.number(c.errors.contraction_max_m, None::<f64>),
+                PERCENT.number(c.errors.tr_max, None::<f64>),
                 if c.passes { "yes" } else { "no" }.into(),
             ]
         };

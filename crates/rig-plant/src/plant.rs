@@ -23,6 +23,9 @@ pub(crate) enum Draw {
 /// What is fixed about a key.
 struct Spec {
     name: &'static str,
+    /// What it is, in Markdown.
+    about: &'static str,
+    default: Option<f64>,
     quantity: Quantity,
     /// Minimum and maximum, SI. Wide: it excludes what makes no rig at all, and not what makes a bad one.
     range: [f64; 2],
@@ -52,18 +55,18 @@ enum Part {
 
 /// Declares keys and settings from the table of what is fixed about each key.
 macro_rules! plant_keys {
-    ($($(#[$doc:meta])* $key:ident = $name:literal, $field:ident: $type:ty = $default:expr,
+    ($($(#[doc = $doc:literal])+ $key:ident = $name:literal, $field:ident: $type:ty = $default:expr,
        $quantity:ident, $range:expr, $when:ident, $part:ident $(, $draw:ident [$nominal:expr, $hard:expr])?;)+) => {
         /// What can be changed about the emulated rig.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         pub enum PlantKey {
-            $($(#[$doc])* $key,)+
+            $($(#[doc = $doc])+ $key,)+
         }
 
         /// The value of every plant key, in SI units.
         #[derive(Clone, Debug, PartialEq)]
         pub struct PlantSettings {
-            $($(#[$doc])* pub $field: $type,)+
+            $($(#[doc = $doc])+ pub $field: $type,)+
         }
 
         impl Default for PlantSettings {
@@ -84,10 +87,12 @@ macro_rules! plant_keys {
             /// Every key.
             pub const ALL: &'static [Self] = &[$(Self::$key),+];
 
-            const fn spec(self) -> Spec {
+            fn spec(self) -> Spec {
                 match self {
                     $(Self::$key => Spec {
                         name: $name,
+                        about: concat!($($doc),+),
+                        default: Option::<f64>::from($default),
                         quantity: Quantity::$quantity,
                         range: $range,
                         when: When::$when,
@@ -135,9 +140,9 @@ plant_keys! {
     /// LVDT noise that averaging over a block of samples leaves, rms.
     LvdtNoiseInband = "lvdt_noise_inband", lvdt_noise_inband_m: f64 = 0.0, Length, [0.0, 0.1], Always, Rig,
         Present [10e-6, 30e-6];
-    /// Hum of the mains in the LVDT's signal, peak.
+    /// Mains pickup in the LVDT's signal, peak.
     Hum = "hum", hum_m: f64 = 0.0, Length, [0.0, 0.1], Always, Rig, Present [10e-6, 50e-6];
-    /// Integral non-linearity of the converter, codes, peak.
+    /// Integral non-linearity of the ADC, codes, peak.
     AdcInl = "adc_inl", adc_inl: f64 = 0.0, Number, [0.0, 100.0], Always, Rig, Present [1.5, 3.0];
     /// Twist of the strings at power-up.
     TwistAtBoot = "twist_at_boot", twist_at_boot_rad: f64 = 1.0, Angle, [-75.0, 75.0], AtStart, Rig;
@@ -157,7 +162,7 @@ plant_keys! {
     /// Half width of the loop of the rods' stress over strain.
     RodHysteresis = "rod_hysteresis", rod_hysteresis_pa: f64 = 0.0, Stress, [0.0, 1e9], AtStart, Law,
         Present [60e6, 90e6];
-    /// What the strings stretch slowly, as a fraction of their elastic stretch.
+    /// Slow stretch (creep) of the strings, as a fraction of their elastic stretch.
     StringCreep = "string_creep", string_creep: f64 = 0.0, Fraction, [0.0, 10.0], AtStart, Plant, Present [0.10, 0.30];
     /// Fraction of their radius that new strings lose over their first cycles.
     StringBedding = "string_bedding", string_bedding: f64 = 0.0, Fraction, [0.0, 0.5], AtStart, Plant,
@@ -188,10 +193,10 @@ plant_keys! {
     /// Quantum of the current reading; 0 is none.
     CurrentQuantum = "current_quantum", current_quantum_a: f64 = 0.0, Current, [0.0, 1.0], Always, Rig,
         Present [10e-3, 50e-3];
-    /// Play of the gear at its output.
+    /// Backlash of the gear at its output.
     GearBacklash = "gear_backlash", gear_backlash_rad: f64 = 0.0, Angle, [0.0, 1.0], AtStart, Rig,
         Present [0.9 * DEGREE, 2.0 * DEGREE];
-    /// Supply of the drive (V); `None` is the scene's.
+    /// Supply of the drive (V).
     SupplyVoltage = "supply_voltage", supply_voltage_v: Option<f64> = None, Voltage, [0.0, 58.0], Always, Rig;
     /// Whether a motor-power relay is fitted: 1 is yes, 0 is no, and then the drive has power whatever the board does.
     RelayFitted = "relay_fitted", relay_fitted: f64 = 1.0, Number, [0.0, 1.0], AtStart, Rig;
@@ -202,17 +207,17 @@ plant_keys! {
 
 impl PlantKey {
     /// The name as an operator types it.
-    pub const fn name(self) -> &'static str {
+    pub fn name(self) -> &'static str {
         self.spec().name
     }
 
     /// What its value measures.
-    pub const fn quantity(self) -> Quantity {
+    pub fn quantity(self) -> Quantity {
         self.spec().quantity
     }
 
     /// Minimum and maximum (SI units).
-    pub const fn range(self) -> [f64; 2] {
+    pub fn range(self) -> [f64; 2] {
         self.spec().range
     }
 
@@ -234,6 +239,21 @@ impl PlantKey {
 
     fn names() -> String {
         Self::ALL.iter().map(|key| key.name()).collect::<Vec<_>>().join(", ")
+    }
+
+    /// Every key in a table in Markdown, for docs/reference/simulator.md.
+    #[must_use]
+    pub fn table() -> String {
+        let row = |key: &Self| {
+            let Spec { name, about, default, quantity, range: [min, max], when, .. } = key.spec();
+            let (about, [min, max]) =
+                (about.trim().trim_end_matches('.'), [min, max].map(|value| quantity.show(value)));
+            let default = default.map_or("the scene's".into(), |value| quantity.show(value));
+            let when = if when == When::AtStart { "at the start" } else { "always" };
+            format!("| `{name}` | {about} | {default} | {min} to {max} | {when} |\n")
+        };
+        let head = "| key | what it is | default | allowed | changes |\n|---|---|---|---|---|\n";
+        head.to_owned() + &Self::ALL.iter().map(row).collect::<String>()
     }
 
     /// Every key with its units, a line each, for help texts.
@@ -387,6 +407,12 @@ mod tests {
             assert_eq!(change, PlantChange { key, value });
             assert_eq!(change.to_string().parse(), Ok(change));
         }
+    }
+
+    #[test]
+    fn the_page_about_the_simulator_has_every_key() {
+        let (page, table) = (include_str!("../../../docs/reference/simulator.md"), PlantKey::table());
+        assert!(page.contains(&table), "docs/reference/simulator.md lacks:\n{table}");
     }
 
     #[test]

@@ -1,9 +1,148 @@
-//! Numbers with units from the operator. A bare number is SI.
+//! Numbers with units: from the operator, where a bare number is SI, and for people.
 
 use std::f64::consts::{PI, TAU};
 
 /// Standard gravity (m/s², CODATA): what turns a mass into a load.
 pub const STANDARD_GRAVITY: f64 = 9.806_65;
+
+/// A unit: its name, and its size in SI units.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Unit(&'static str, f64);
+
+macro_rules! units {
+    ($($name:ident = $text:literal, $size:expr;)+) => {
+        $(#[doc = concat!("The unit \"", $text, "\".")] pub const $name: Unit = Unit($text, $size);)+
+    };
+}
+
+units! {
+    NUMBER = "", 1.0;
+    PERCENT = "%", 1e-2;
+    M = "m", 1.0;
+    MM = "mm", 1e-3;
+    UM = "µm", 1e-6;
+    NM = "nm", 1e-9;
+    KN_PER_M = "kN/m", 1e3;
+    MM_PER_S = "mm/s", 1e-3;
+    MM_PER_N = "mm/N", 1e-3;
+    N = "N", 1.0;
+    KG = "kg", 1.0;
+    RAD = "rad", 1.0;
+    TURNS = "turns", 1.0;
+    TURNS_OF_RAD = "turns", TAU;
+    RAD_PER_S = "rad/s", 1.0;
+    RPM = "rpm", TAU / 60.0;
+    RAD_PER_MM = "rad/mm", 1e3;
+    S = "s", 1.0;
+    MS = "ms", 1e-3;
+    US = "µs", 1e-6;
+    HZ = "Hz", 1.0;
+    V = "V", 1.0;
+    A = "A", 1.0;
+    MA = "mA", 1e-3;
+    PA = "Pa", 1.0;
+}
+
+/// A number that may be unknown: none, or not a number.
+pub trait Value: Copy {
+    /// The number, NaN if it is unknown.
+    fn or_nan(self) -> f64;
+}
+
+impl Value for f64 {
+    fn or_nan(self) -> f64 {
+        self
+    }
+}
+
+impl Value for f32 {
+    fn or_nan(self) -> f64 {
+        self.into()
+    }
+}
+
+impl<T: Value> Value for Option<T> {
+    fn or_nan(self) -> f64 {
+        self.map_or(f64::NAN, T::or_nan)
+    }
+}
+
+impl Unit {
+    /// A measured or computed value (SI) for people: with four digits, and the unit.
+    pub fn show(self, value: impl Value) -> String {
+        self.rounded(value, f64::NAN)
+    }
+
+    /// A value and its error (SI) for people: the error with two digits, the value to the same decimal place. A value
+    /// of unknown error has four digits.
+    pub fn within(self, value: impl Value, error: impl Value) -> String {
+        match value.or_nan().is_finite() && is_known(error.or_nan()) {
+            true => format!("{} ± {}", self.number(value, error), self.error(error)),
+            false => self.show(value),
+        }
+    }
+
+    /// An error, or a bound of one (SI), for people: with two digits.
+    pub fn error(self, error: impl Value) -> String {
+        self.rounded(error, error)
+    }
+
+    /// A value (SI) to the decimal place of an error that is not stated, as a sensor's resolution.
+    pub fn rounded(self, value: impl Value, error: impl Value) -> String {
+        let number = self.number(value, error);
+        if value.or_nan().is_finite() { self.named(number) } else { number }
+    }
+
+    /// The same without the unit, for a column that names it.
+    pub fn number(self, value: impl Value, error: impl Value) -> String {
+        let (value, error) = (value.or_nan() / self.1, error.or_nan().abs() / self.1);
+        match value {
+            _ if value.is_nan() => "unknown".to_owned(),
+            _ if value.is_infinite() => "infinite".to_owned(),
+            _ if is_known(error) => match (1e-4..1e7).contains(&value.abs().max(error)) {
+                true => decimals(value, places(error, 2)),
+                false => format!("{value:.*e}", (places(error, 2) - places(value, 1)).max(0) as usize),
+            },
+            0.0 => "0".to_owned(),
+            _ if !(1e-4..1e7).contains(&value.abs()) => format!("{value:.2e}"),
+            _ => decimals(value, places(value, 4).max(0)),
+        }
+    }
+
+    /// An exact value (SI), as an operator gave it: at most five digits, without zeros at the end.
+    pub fn exact(self, value: impl Value) -> String {
+        let value = value.or_nan() / self.1;
+        if !value.is_finite() {
+            return self.show(value);
+        }
+        let text = decimals(value, places(value, 5).clamp(0, 12));
+        let text = if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { &text };
+        self.named(text.to_owned())
+    }
+
+    fn named(self, number: String) -> String {
+        format!("{number} {}", self.0).trim_end().to_owned()
+    }
+}
+
+/// Whether it is the error of anything: a value that is exact, or of unknown error, has none.
+fn is_known(error: f64) -> bool {
+    error.is_finite() && error > 0.0
+}
+
+/// Decimal places that leave a value this many digits, once it is rounded to them; negative where tens are rounded.
+fn places(value: f64, digits: usize) -> i32 {
+    let rounded = format!("{value:.*e}", digits - 1);
+    let exponent = rounded.split_once('e').and_then(|(_, exponent)| exponent.parse().ok()).unwrap_or(0);
+    if value == 0.0 { 0 } else { digits as i32 - 1 - exponent }
+}
+
+fn decimals(value: f64, places: i32) -> String {
+    let step = 10f64.powi((-places).max(0));
+    let text = format!("{:.*}", places.max(0) as usize, if places < 0 { (value / step).round() * step } else { value });
+    // What is rounded to zero has no sign.
+    if text.chars().all(|c| "-0.".contains(c)) { text.replace('-', "") } else { text }
+}
 
 /// What a number measures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -47,28 +186,28 @@ pub enum Quantity {
 }
 
 impl Quantity {
-    /// Name, then accepted units with their factors to SI; the first is the SI unit itself.
-    const fn table(self) -> (&'static str, &'static [(&'static str, f64)]) {
+    /// Name, then accepted units; the first is the SI unit itself.
+    const fn table(self) -> (&'static str, &'static [Unit]) {
         match self {
-            Self::Length => ("length", &[("m", 1.0), ("mm", 1e-3), ("um", 1e-6), ("µm", 1e-6)]),
-            Self::Speed => ("speed", &[("m/s", 1.0), ("mm/s", 1e-3)]),
+            Self::Length => ("length", &[M, MM, Unit("um", 1e-6), UM]),
+            Self::Speed => ("speed", &[Unit("m/s", 1.0), MM_PER_S]),
             Self::Load => {
-                ("load", &[("N", 1.0), ("mN", 1e-3), ("kg", STANDARD_GRAVITY), ("g", 1e-3 * STANDARD_GRAVITY)])
+                ("load", &[N, Unit("mN", 1e-3), Unit("kg", STANDARD_GRAVITY), Unit("g", 1e-3 * STANDARD_GRAVITY)])
             }
-            Self::Force => ("force", &[("N", 1.0), ("mN", 1e-3)]),
-            Self::Angle => ("angle", &[("rad", 1.0), ("mrad", 1e-3), ("deg", PI / 180.0)]),
-            Self::AngularSpeed => ("angular speed", &[("rad/s", 1.0), ("deg/s", PI / 180.0), ("rpm", TAU / 60.0)]),
-            Self::Time => ("time", &[("s", 1.0), ("ms", 1e-3)]),
-            Self::Voltage => ("voltage", &[("V", 1.0), ("mV", 1e-3)]),
-            Self::Current => ("current", &[("A", 1.0), ("mA", 1e-3)]),
-            Self::Damping => ("damping", &[("Ns/m", 1.0), ("N*s/m", 1.0)]),
-            Self::Fraction => ("fraction", &[("%", 1e-2)]),
+            Self::Force => ("force", &[N, Unit("mN", 1e-3)]),
+            Self::Angle => ("angle", &[RAD, Unit("mrad", 1e-3), Unit("deg", PI / 180.0)]),
+            Self::AngularSpeed => ("angular speed", &[RAD_PER_S, Unit("deg/s", PI / 180.0), RPM]),
+            Self::Time => ("time", &[S, MS]),
+            Self::Voltage => ("voltage", &[V, Unit("mV", 1e-3)]),
+            Self::Current => ("current", &[A, MA]),
+            Self::Damping => ("damping", &[Unit("Ns/m", 1.0), Unit("N*s/m", 1.0)]),
+            Self::Fraction => ("fraction", &[PERCENT]),
             Self::Turns => ("number of turns", &[]),
-            Self::Stiffness => ("stiffness", &[("N/m", 1.0), ("kN/m", 1e3), ("N/mm", 1e3)]),
-            Self::PerForce => ("value per newton", &[("1/N", 1.0), ("1/kN", 1e-3)]),
-            Self::Torque => ("torque", &[("Nm", 1.0), ("N*m", 1.0), ("mNm", 1e-3), ("uNm", 1e-6)]),
-            Self::Stress => ("stress", &[("Pa", 1.0), ("kPa", 1e3), ("MPa", 1e6)]),
-            Self::Temperature => ("difference of temperatures", &[("K", 1.0)]),
+            Self::Stiffness => ("stiffness", &[Unit("N/m", 1.0), KN_PER_M, Unit("N/mm", 1e3)]),
+            Self::PerForce => ("value per newton", &[Unit("1/N", 1.0), Unit("1/kN", 1e-3)]),
+            Self::Torque => ("torque", &[Unit("Nm", 1.0), Unit("N*m", 1.0), Unit("mNm", 1e-3), Unit("uNm", 1e-6)]),
+            Self::Stress => ("stress", &[PA, Unit("kPa", 1e3), Unit("MPa", 1e6)]),
+            Self::Temperature => ("difference of temperatures", &[Unit("K", 1.0)]),
             Self::Number => ("number", &[]),
         }
     }
@@ -89,7 +228,7 @@ impl Quantity {
 
     /// The units that are read, in words.
     pub fn units(self) -> String {
-        let names: Vec<&str> = self.table().1.iter().map(|(name, _)| *name).collect();
+        let names: Vec<&str> = self.table().1.iter().map(|unit| unit.0).collect();
         match (self, names.first()) {
             (Self::Fraction, _) => "a bare number, or %".into(),
             (_, Some(si)) => format!("{} (a bare number is {si})", names.join(", ")),
@@ -97,22 +236,19 @@ impl Quantity {
         }
     }
 
-    /// A value for people: lengths in mm, stiffnesses from 1 kN/m in kN/m, all else in SI; at most five digits.
+    /// An exact value for people: lengths in mm, stiffnesses from 1 kN/m in kN/m, stresses in MPa, torques in mNm, all
+    /// else in SI.
     pub fn show(self, value: f64) -> String {
-        let (factor, unit) = match self {
-            Self::Length => (1e-3, "mm"),
-            Self::Stiffness if value.abs() >= 1e3 => (1e3, "kN/m"),
-            _ => (1.0, self.table().1.first().map_or("", |(si, _)| si)),
+        let unit = match self {
+            Self::Length => MM,
+            Self::Stiffness if value.abs() >= 1e3 => KN_PER_M,
+            Self::Stress => Unit("MPa", 1e6),
+            Self::Torque => Unit("mNm", 1e-3),
+            Self::Fraction => NUMBER,
+            _ => self.table().1.first().copied().unwrap_or(NUMBER),
         };
-        format!("{} {unit}", digits(value / factor)).trim_end().to_owned()
+        unit.exact(value)
     }
-}
-
-/// At most five digits, without zeros at the end.
-fn digits(value: f64) -> String {
-    let places = (4.0 - value.abs().log10().floor()).clamp(0.0, 12.0);
-    let text = format!("{value:.*}", if value == 0.0 { 0 } else { places as usize });
-    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
 }
 
 /// Why a text is not such a quantity.
@@ -149,9 +285,9 @@ pub fn parse(parameter: &str, quantity: Quantity, text: &str) -> Result<f64, Uni
     let trimmed = text.trim();
     // A text may end in several units ("12mm" also ends in "m"); only one of them leaves a number.
     let with_unit = || {
-        units.iter().find_map(|(unit, factor)| {
+        units.iter().find_map(|Unit(unit, size)| {
             let number: f64 = trimmed.strip_suffix(unit)?.trim_end().parse().ok()?;
-            Some(number * factor)
+            Some(number * size)
         })
     };
     let value = trimmed.parse::<f64>().ok().or_else(with_unit).ok_or_else(|| UnitError::NotOne {
@@ -223,6 +359,57 @@ mod tests {
         ] {
             assert_eq!(quantity.show(value), text);
         }
+    }
+
+    #[test]
+    fn an_error_says_how_many_digits_a_value_has() {
+        for (unit, value, error, text) in [
+            (N, 1.9618, 0.0312, "1.962 ± 0.031 N"),
+            (MM, 12.0034e-3, 0.12e-3, "12.00 ± 0.12 mm"),
+            // Rounding adds a digit in front of the point.
+            (N, 9.996, 0.01, "9.996 ± 0.010 N"),
+            (N, 9.996, 0.1, "10.00 ± 0.10 N"),
+            (N, 9.996, 0.0996, "10.00 ± 0.10 N"),
+            (N, 3.0, 0.996, "3.0 ± 1.0 N"),
+            // Larger than the value; tens; zero; negative.
+            (N, 0.02, 1.34, "0.0 ± 1.3 N"),
+            (UM, 4321e-6, 126e-6, "4320 ± 130 µm"),
+            (UM, 0.0, 2.5e-6, "0.0 ± 2.5 µm"),
+            (UM, -0.04e-6, 2.5e-6, "0.0 ± 2.5 µm"),
+            (MM, -1.5e-3, 20e-6, "-1.500 ± 0.020 mm"),
+            (N, 1.5, 0.0, "1.500 N"),
+            (PA, 4.5123e10, 2.31e8, "4.512e10 ± 2.3e8 Pa"),
+            (N, f64::NAN, 0.1, "unknown"),
+            (N, 1.5, f64::NAN, "1.500 N"),
+            (N, 1.5, f64::INFINITY, "1.500 N"),
+        ] {
+            assert_eq!(unit.within(value, error), text);
+        }
+    }
+
+    #[test]
+    fn a_value_of_unknown_error_has_four_digits() {
+        for (unit, value, text) in [
+            (N, 9.996, "9.996 N"),
+            (N, 9.9996, "10.00 N"),
+            (N, 0.0, "0 N"),
+            (N, -0.0, "0 N"),
+            (MM, -0.000_123_456, "-0.1235 mm"),
+            (NUMBER, 12_345.6, "12346"),
+            (NUMBER, 3.14e-12, "3.14e-12"),
+            (PA, 4.5e10, "4.50e10 Pa"),
+            (RAD_PER_MM, f64::INFINITY, "infinite"),
+            (PERCENT, 0.0123, "1.230 %"),
+            (RPM, 30.0 * TAU / 60.0, "30.00 rpm"),
+        ] {
+            assert_eq!(unit.show(value), text);
+        }
+        assert_eq!((N.show(None::<f32>), N.show(Some(0.5f32))), ("unknown".to_owned(), "0.5000 N".to_owned()));
+        assert_eq!([MM.number(1e-3, f64::NAN), MM.number(1e-3, 1e-5)], ["1.000", "1.000"]);
+        assert_eq!(
+            (MM.exact(0.5e-3), N.exact(18.0f32), N.exact(f64::NAN)),
+            ("0.5 mm".into(), "18 N".into(), "unknown".into())
+        );
     }
 
     #[test]

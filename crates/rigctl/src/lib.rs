@@ -23,6 +23,7 @@
 //! use rigctl::failure::Failure;
 //! use rigctl::session::sim::{Sim, SimOptions};
 //! use rigctl::session::{Session, homing, motion};
+//! use rigctl::units::{MM, N};
 //! use rig_plant::RigPreset;
 //!
 //! fn main() -> anyhow::Result<()> {
@@ -37,7 +38,7 @@
 //!     let homed = homing::home(&mut session, LoadChoice::Auto, |_| {})?;
 //!     for to_m in [0.002, 0.004, 0.008] {
 //!         let end = motion::move_to(&mut session, to_m, 2e-3, LoadChoice::Auto, |_row| {})?;
-//!         println!("{} N at {:.3} mm: {} rad/mm", homed.load_n, end.position_m * 1e3, end.tr_end_rad_per_m * 1e-3);
+//!         println!("{} at {}", N.within(homed.load_n, homed.load_error_n), MM.show(end.position_m));
 //!     }
 //!     Ok(())
 //! }

@@ -4,6 +4,7 @@
 use crate::csv_text::columns;
 use crate::failure::Failure;
 use crate::units::{self, Quantity};
+use crate::units::{MM, UM};
 use rig_config::Rig;
 use rig_link::{CurveFlaw, LVDT_POINTS_MAX, LvdtCurve, Setting, SettingValues};
 use serde_json::{Value, json};
@@ -16,6 +17,9 @@ const HALF_WIDTH: f64 = 1.645;
 
 /// Minimum distance of two points (m): callipers read to 20 µm, which is then 0.4 % of gain.
 pub const APART_M: f64 = 5e-3;
+
+/// To this (m) a gap is shown: what the sensor resolves.
+pub const GAP_M: f64 = 10e-6;
 
 /// A true gap, and the sensor's uncalibrated reading there.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -47,11 +51,10 @@ pub fn fit(point: Point, other: Option<Point>, gain: f64) -> Result<(f64, f64), 
             let (gaps_m, sensor_m) = (point.gap_m - other.gap_m, point.sensor_m - other.sensor_m);
             if gaps_m.abs().min(sensor_m.abs()) < APART_M {
                 return Err(Failure::failed(format!(
-                    "--point is {:.2} mm from here by callipers and {:.2} mm by the sensor: for the gain they must be {} mm \
-                     apart or more",
-                    gaps_m.abs() * 1e3,
-                    sensor_m.abs() * 1e3,
-                    APART_M * 1e3
+                    "--point is {} from here by callipers and {} by the sensor: for the gain they must be {} apart or more",
+                    MM.show(gaps_m.abs()),
+                    MM.show(sensor_m.abs()),
+                    MM.exact(APART_M)
                 )));
             }
             gaps_m / sensor_m
@@ -98,11 +101,8 @@ pub fn curve(mut points: Vec<(usize, Point)>, rig: &Rig, gauge_error_m: f64) -> 
     let ends = [rig.lvdt_gap_at_zero_m, rig.lvdt_gap_at_zero_m + rig.lvdt_stroke_m];
     for (line, point) in &points {
         if !(ends[0]..=ends[1]).contains(&point.sensor_m) {
-            let [from, to] = ends.map(|end| 1e3 * end);
-            return Err(format!(
-                "line {line}: sensor_m {} lies outside the sensor's stroke, {from} to {to} mm",
-                point.sensor_m
-            ));
+            let [from, to, sensor] = [ends[0], ends[1], point.sensor_m].map(|m| MM.exact(m));
+            return Err(format!("line {line}: sensor_m {sensor} lies outside the sensor's stroke, {from} to {to}"));
         }
     }
     points.sort_by(|(_, a), (_, b)| a.sensor_m.total_cmp(&b.sensor_m));
@@ -165,14 +165,14 @@ pub fn object(curve: &LvdtCurve) -> Value {
 
 /// The points in words.
 pub fn words(curve: &LvdtCurve) -> String {
-    let mm = |metres: f32| f64::from(metres) * 1e3;
     let points = curve.points();
-    let (from, to) = (points.first().map_or(0.0, |p| mm(p[0])), points.last().map_or(0.0, |p| mm(p[0])));
-    let max = points.iter().map(|[_, correction_m]| mm(*correction_m).abs()).fold(0.0, f64::max);
+    let max_m = points.iter().map(|[_, correction_m]| correction_m.abs()).fold(0.0, f32::max);
     format!(
-        "{} of at most {LVDT_POINTS_MAX}, readings of {from:.2} to {to:.2} mm, corrected by up to {max:.3} mm, ± {:.3} mm",
+        "{} of at most {LVDT_POINTS_MAX}, readings of {} to {}, corrected by up to {}",
         points.len(),
-        mm(curve.error_m())
+        MM.show(points.first().map(|p| p[0])),
+        MM.show(points.last().map(|p| p[0])),
+        UM.within(max_m, curve.error_m())
     )
 }
 
@@ -249,7 +249,7 @@ mod tests {
         let (offset_m, gain) = fit(sensor(0.16), None, 1.0).unwrap_or_else(|_| panic!("one"));
         assert!(gain == 1.0 && (offset_m + sensor(0.16).sensor_m - 0.16).abs() < 1e-12);
         let near = fit(sensor(0.16), Some(sensor(0.158)), 1.0).expect_err("2 mm").message();
-        assert!(near.is_some_and(|message| message.contains("--point") && message.contains("2.00 mm")));
+        assert!(near.is_some_and(|message| message.contains("--point") && message.contains("2.000 mm")));
         assert!(
             fit(sensor(0.16), Some(Point { gap_m: 0.14, ..sensor(0.16) }), 1.0).is_err(),
             "a sensor that stands still"

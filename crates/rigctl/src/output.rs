@@ -126,6 +126,15 @@ impl Output {
         Ok(())
     }
 
+    /// Named values for people, a line each; one without text is left out.
+    ///
+    /// # Errors
+    /// If the sink fails.
+    pub fn named<const N: usize>(&mut self, values: [(&str, String); N]) -> io::Result<()> {
+        let mut values = values.iter().filter(|(_, value)| !value.is_empty());
+        values.try_for_each(|(name, value)| self.line(format!("{name:<15} {value}")))
+    }
+
     /// Empties the buffer.
     ///
     /// # Errors
@@ -133,6 +142,11 @@ impl Output {
     pub fn flush(&mut self) -> io::Result<()> {
         self.sink.flush()
     }
+}
+
+/// The time (s) that a line begins with.
+pub fn at(t_s: f64) -> String {
+    format!("{t_s:8.2} s")
 }
 
 /// A progress line on standard error; silent without a terminal.

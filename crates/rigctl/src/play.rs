@@ -2,6 +2,7 @@
 //! by hand.
 
 use crate::failure::Failure;
+use crate::output::at;
 use crate::request;
 use crate::script::{Action, Event, Script, ScriptFault};
 use crate::session::{STEP_S, Session};
@@ -158,10 +159,11 @@ impl Player<'_> {
         if std::mem::replace(&mut self.silent, silent) == silent {
             return None;
         }
-        let t_s = session.now_s();
+        let t_s = at(session.now_s());
+        let t_s = t_s.trim_start();
         Some(match silent {
-            true => format!("{t_s:.2} s: the board is silent, no telemetry came for half a second"),
-            false => format!("{t_s:.2} s: the board is heard again; {} rows were lost so far", session.lost_rows()),
+            true => format!("{t_s}: the board is silent, no telemetry came for half a second"),
+            false => format!("{t_s}: the board is heard again; {} rows were lost so far", session.lost_rows()),
         })
     }
 

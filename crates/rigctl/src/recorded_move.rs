@@ -8,6 +8,7 @@ use crate::session::homing::{HomeResult, home};
 use crate::session::motion::{MoveResult, move_to};
 use crate::session::row::Row;
 use crate::session::sim::{Sim, SimOptions};
+use crate::units::KG;
 use rig_link::LoadChoice;
 use rig_plant::units::STANDARD_GRAVITY as STANDARD_GRAVITY_M_PER_S2;
 use rig_plant::{PlantChange, PlantKey};
@@ -114,8 +115,7 @@ const SET_POINT: Pen = Pen { colour: GREY, width: 1, dashed: true };
 /// If the drawing library fails.
 pub fn draw(moves: &[(f64, &[Row])]) -> anyhow::Result<String> {
     let pen = |k| Pen::solid(colour(k, moves.len()));
-    let load =
-        |(k, (load_kg, _)): (usize, &(f64, &[Row]))| KeyRow::sample(Sample::Line(pen(k)), format!("{load_kg} kg"));
+    let load = |(k, (load_kg, _)): (usize, &(f64, &[Row]))| KeyRow::sample(Sample::Line(pen(k)), KG.exact(*load_kg));
     let mut key: Vec<KeyRow> = moves.iter().enumerate().map(load).collect();
     key.push(KeyRow::sample(Sample::Line(SET_POINT), "set-point"));
     // Time from the start of the move.

@@ -9,6 +9,7 @@
 use crate::log::{Log, Mark};
 use crate::session::row::Row;
 use crate::statistics::Errors;
+use crate::units::{MM, RAD};
 use rig_config::Scene;
 use rig_control::homing::Homed;
 use rig_control::{DriveCommand, DriveReading, Inputs, LvdtBlock, Rig, RigConstants, TICK_S, TICK_US, settings};
@@ -194,7 +195,8 @@ fn ticks(log: &Log, mark: usize) -> (Vec<Tick<'_>>, usize, String) {
             break;
         }
         if twist_rad.abs() > TWIST_MAX_RAD || position_m.abs() > POSITION_MAX_M {
-            ended_by = format!("twist {twist_rad} rad or position {position_m} m, which no rig has");
+            ended_by =
+                format!("twist {} or position {}, which no actuator has", RAD.show(twist_rad), MM.show(position_m));
             break;
         }
         let request = asked.iter().find(|(shows, _)| *shows == k).map(|(_, request)| *request);

@@ -2,6 +2,7 @@
 
 use crate::outline::{Outline, outline};
 use crate::session::row::Row;
+use crate::units::{MA, MM, N, RAD_PER_MM, RPM, S, TURNS_OF_RAD, UM};
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::{Color, Modifier, Style};
@@ -12,6 +13,7 @@ use ratatui::widgets::{Axis, Block, Chart, Dataset, GraphType, Paragraph};
 use rig_config::Scene;
 use rig_link::{Fault, Limit, State};
 use std::collections::VecDeque;
+use std::f64::consts::{PI, TAU};
 
 /// Time span of the plots (s).
 const SPAN_S: f64 = 30.0;
@@ -159,24 +161,20 @@ impl Screen {
 
     fn numbers(&self) -> Vec<Line<'_>> {
         let Some(row) = &self.row else { return vec![Line::from("no telemetry yet")] };
-        let number = |v: Option<f64>, digits: usize| v.map_or("-".to_owned(), |v| format!("{v:.digits$}"));
-        let mm = |v: Option<f32>| number(v.map(|v| f64::from(v) * 1e3), 3);
-        // A number takes ten columns, and its error stands behind it.
-        let error = |v: Option<f32>| v.map_or(String::new(), |v| format!(" ± {v:.3}"));
-        let error_um = row.setpoint_m.zip(row.position_m).map(|(s, p)| (f64::from(p) - f64::from(s)) * 1e6);
-        let turns = row.twist_rad.map(|t| f64::from(t) / std::f64::consts::TAU - 0.5);
+        let error_m = row.setpoint_m.zip(row.position_m).map(|(s, p)| f64::from(p) - f64::from(s));
+        let twist_rad = row.twist_rad.map(|t| f64::from(t) - PI);
         let bold = Style::new().add_modifier(Modifier::BOLD);
         let alarm = bold.fg(Color::Red);
         let state = match self.silent_s {
-            Some(silent_s) => format!("silent {silent_s:.0} s"),
-            None if row.state == State::Homing => format!("homing {:.0} s", row.t_s - self.since_s),
+            Some(silent_s) => format!("silent {}", S.rounded(silent_s, WHOLE_S)),
+            None if row.state == State::Homing => format!("homing {}", S.rounded(row.t_s - self.since_s, WHOLE_S)),
             None => row.state.to_string(),
         };
         let stopped = row.fault.is_some() || row.state == State::EStop || self.silent_s.is_some();
-        let line = |name: &'static str, value: String, unit: &'static str| {
-            let (number, error) =
-                value.split_once(" ± ").map_or((&*value, String::new()), |(n, e)| (n, format!(" ± {e}")));
-            Line::from(format!("{name:<10}{number:>10}{error} {unit}"))
+        // A number takes ten columns, and its error and unit stand behind it.
+        let line = |name: &'static str, value: String| {
+            let (number, rest) = value.split_once(' ').unwrap_or((&value, ""));
+            Line::from(format!("{name:<10}{number:>10} {rest}"))
         };
         vec![
             Line::from(vec![
@@ -190,18 +188,18 @@ impl Screen {
                     if stopped { alarm } else { Style::new() },
                 ),
             ]),
-            line("limit", row.limit.map_or("none", Limit::name).to_owned(), ""),
-            line("doubts", row.doubts.clone().unwrap_or_else(|| "none".to_owned()), ""),
-            line("target", mm(row.target_m), "mm"),
-            line("set-point", mm(row.setpoint_m), "mm"),
-            line("position", mm(row.position_m) + &error(row.position_error_m.map(|v| v * 1e3)), "mm"),
-            line("error", number(error_um, 1), "µm"),
-            line("time left", number(row.time_left_s.map(f64::from), 1), "s"),
-            line("load", number(row.load_n.map(f64::from), 3) + &error(row.load_error_n), "N"),
-            line("TR", number(row.tr_rad_per_m.map(|t| f64::from(t) * 1e-3), 3), "rad/mm"),
-            line("twist", number(turns, 3), "turns"),
-            line("motor", number(Some(f64::from(row.drive_speed_rad_per_s) * 60.0 / std::f64::consts::TAU), 0), "rpm"),
-            line("current", number(Some(f64::from(row.drive_current_a) * 1e3), 0), "mA"),
+            line("limit", row.limit.map_or("none", Limit::name).to_owned()),
+            line("doubts", row.doubts.clone().unwrap_or_else(|| "none".to_owned())),
+            line("target", MM.show(row.target_m)),
+            line("set-point", MM.show(row.setpoint_m)),
+            line("position", MM.within(row.position_m, row.position_error_m)),
+            line("error", UM.within(error_m, row.position_error_m)),
+            line("time left", S.rounded(row.time_left_s, 1.0)),
+            line("load", N.within(row.load_n, row.load_error_n)),
+            line("TR", RAD_PER_MM.show(row.tr_rad_per_m)),
+            line("twist", TURNS_OF_RAD.show(twist_rad)),
+            line("motor", RPM.rounded(row.drive_speed_rad_per_s, 10.0 * TAU / 60.0)),
+            line("current", MA.rounded(row.drive_current_a, 10e-3)),
         ]
     }
 
@@ -233,6 +231,9 @@ impl Screen {
         frame.render_widget(chart, area);
     }
 }
+
+/// To this (s) a waiting time is shown.
+const WHOLE_S: f64 = 10.0;
 
 /// Draws rods, strings and the load.
 fn paint(shape: &Outline, context: &mut Context<'_>) {
@@ -319,13 +320,11 @@ mod tests {
         let text = drawn(&screen, 100, 34);
         for seen in [
             "lvdt-open",
-            "4.500",
-            "12.000",
-            "-500.0",
-            "± 0.130 mm",
-            "4.900",
-            "± 0.210 N",
-            "2.500",
+            "4.50 ± 0.13 mm",
+            "12.00 mm",
+            "-500 ± 130 µm",
+            "4.90 ± 0.21 N",
+            "2.500 rad/mm",
             "1000 rpm",
             "line 3",
             "space stop",
@@ -348,9 +347,9 @@ mod tests {
         let text = drawn(&screen, 80, 24);
         for seen in [
             "state",
-            "± 0.130 mm",
-            "-500.0 µm",
-            "± 0.210 N",
+            "4.50 ± 0.13 mm",
+            "-500 ± 130 µm",
+            "4.90 ± 0.21 N",
             "2.500 rad/mm",
             "1.410 turns",
             "1000 rpm",

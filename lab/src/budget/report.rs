@@ -8,6 +8,7 @@ use rigctl::failure::Failure;
 use rigctl::options::Global;
 use rigctl::options::values::gauge_error;
 use rigctl::output::{Output, progress};
+use rigctl::units::{MM_PER_S, N, NUMBER, PERCENT, S, TURNS, UM, Unit};
 use serde::Serialize;
 use std::path::Path;
 use tsa_table::fit::{Fit, FitError};
@@ -85,17 +86,21 @@ impl Arguments {
             let object = serde_json::json!({ "part": part, "position_m": position_m, "load_relative": load_relative });
             output.object(&object)?;
         }
-        let ([[from_n, to_n], [from, to]], speed) =
-            (scene.covered().map(|e| [e.load_n, e.turns])?, 1e3 * SPEED_M_PER_S);
+        let ([from_n, to_n], [from, to]) = scene.covered().map(|e| (e.load_n, e.turns))?;
         let lvdt = match self.gauge {
-            Some(gauge_m) => format!("calibrated at points with gauges of {} um", 1e6 * gauge_m),
+            Some(gauge_m) => format!("calibrated at points with gauges of {}", UM.exact(gauge_m)),
             None => "not calibrated at points".into(),
         };
-        let (file, minutes) = (global.scene.display(), SESSION_S / 60.0);
-        output
-            .line(format!("error budget of {file} on a rig that is {kind}: half widths that hold 90 of 100 cases"))?;
+        let file = global.scene.display();
+        output.line(format!("error budget of {file} on an actuator that is {kind}: 90 % uncertainties"))?;
         output.line(format!(
-            "  {from_n} to {to_n} N, {from} to {to} turns; moves at {speed} mm/s, {minutes} min after homing; LVDT {lvdt}"
+            "  {} to {}, {} to {}; moves at {}, {} after homing; LVDT {lvdt}",
+            NUMBER.exact(from_n),
+            N.exact(to_n),
+            NUMBER.exact(from),
+            TURNS.exact(to),
+            MM_PER_S.exact(SPEED_M_PER_S),
+            S.exact(SESSION_S)
         ))?;
         let at = "worst; typical (N, turns)";
         output.line(format!("{:<9} {:>11}   {at:<34} {:>8}   {at}", "part", "position", "load"))?;
@@ -103,10 +108,11 @@ impl Arguments {
             .iter()
             .chain([&("total", budget.total())])
             .try_for_each(|(part, fraction)| output.line(row(part, fraction)))?;
-        let (enough, percent) = (TableCost::new(worth, enough), 1e2 * WORTH);
+        let enough = TableCost::new(worth, enough);
         output.line(format!(
-            "more than {} buys nothing: the total of the other parts rises by {percent} % at most",
-            enough.wanted()
+            "more than {} buys nothing: the total of the other parts rises by {} at most",
+            enough.wanted(),
+            PERCENT.exact(WORTH)
         ))?;
         output.line(format!("  that takes {}", enough.takes()))?;
         output.line(format!(
@@ -179,12 +185,12 @@ fn scenes(folder: &Path) -> Result<Vec<(String, Scene)>, Failure> {
 }
 
 fn row(part: &str, Fraction { position_m, load }: &Fraction) -> String {
-    let places = |Spread { worst, typical, .. }: &Spread, scale: f64, unit: &str| {
-        let place = |at: &At| format!("{:.1}, {:.2}", at.load_n, at.turns);
-        format!("{:.1} {unit} at {}; {}", scale * worst.error, place(worst), place(typical))
+    let places = |Spread { worst, typical, .. }: &Spread, unit: Unit| {
+        let place = |at: &At| format!("{}, {}", N.number(at.load_n, 1.0), TURNS.number(at.turns, 0.1));
+        format!("{} at {}; {}", unit.error(worst.error), place(worst), place(typical))
     };
-    let [positions, loads] = [places(position_m, 1e6, "um"), places(load, 1e2, "%")];
-    format!("{part:<9} {:>8.1} um   {positions:<34} {:>6.2} %   {loads}", 1e6 * position_m.all, 1e2 * load.all)
+    let [positions, loads] = [places(position_m, UM), places(load, PERCENT)];
+    format!("{part:<9} {:>11}   {positions:<34} {:>8}   {loads}", UM.error(position_m.all), PERCENT.error(load.all))
 }
 
 impl TableCost {
@@ -199,24 +205,18 @@ impl TableCost {
         Self { contraction_m, tr_relative, table }
     }
 
-    /// Errors of contraction (µm) and TR (%), in the two digits that they have.
-    fn digits(&self) -> [f64; 2] {
-        [1e6 * self.contraction_m, 1e2 * self.tr_relative].map(|value| (value * 1e6).round() / 1e6)
-    }
-
     fn wanted(&self) -> String {
-        let [contraction, tr] = self.digits();
-        format!("{contraction} um of contraction and {tr} % of TR")
+        format!("{} of contraction and {} of TR", UM.exact(self.contraction_m), PERCENT.exact(self.tr_relative))
     }
 
     fn takes(&self) -> String {
         let Some(table) = &self.table else { return "no table reaches it".into() };
         let TableSize { bytes, instructions, size, contraction_error_m, tr_relative_error } = table;
         format!(
-            "{bytes} bytes, {instructions} instructions a lookup (predicted), {} ({size}); its errors: {:.2} um, {:.3} %",
+            "{bytes} bytes, {instructions} instructions a lookup (predicted), {} ({size}); its errors: {}, {}",
             tsa_table::FORM,
-            1e6 * contraction_error_m,
-            1e2 * tr_relative_error
+            UM.error(*contraction_error_m),
+            PERCENT.error(*tr_relative_error)
         )
     }
 
@@ -228,16 +228,13 @@ impl TableCost {
 
 impl Enough<'_> {
     fn text(&self) -> String {
-        let used = self.used.as_ref().map_or("-".into(), |used| {
-            let [contraction, tr] = used.digits();
-            format!("{contraction} um, {tr} %: {}", used.brief())
-        });
+        let cost = |cost: &TableCost| {
+            format!("{}, {}: {}", UM.exact(cost.contraction_m), PERCENT.exact(cost.tr_relative), cost.brief())
+        };
+        let used = self.used.as_ref().map_or("none".into(), cost);
         let Self { scene, rig, tier, .. } = self;
-        let ([contraction, tr], brief) = (self.enough.digits(), self.enough.brief());
-        let [position_um, load_percent] = [1e6 * self.position_m, 1e2 * self.load_relative];
-        format!(
-            "{scene:<14} {rig:<8} {position_um:>6.0} um {load_percent:>6.1} %  {tier:<13} {contraction:>6} um, {tr:>5} %: \
-             {brief:<11}   {used}"
-        )
+        let (position, load, enough) =
+            (UM.error(self.position_m), PERCENT.error(self.load_relative), cost(&self.enough));
+        format!("{scene:<14} {rig:<8} {position:>9} {load:>8}  {tier:<13} {enough:<35}   {used}")
     }
 }

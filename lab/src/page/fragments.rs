@@ -12,8 +12,8 @@ pub struct Figure {
     pub name: &'static str,
     /// What it shows.
     pub title: &'static str,
-    /// SVG, if there is a picture, and what it shows in a few lines; or in words why it is missing.
-    pub content: Result<(Option<String>, Vec<String>), String>,
+    /// SVG, if there is a picture, and what it shows in a few lines; none if it could not be made.
+    pub content: Option<(Option<String>, Vec<String>)>,
 }
 
 /// Text that HTML shows as it is.
@@ -25,7 +25,7 @@ pub fn escaped(text: &str) -> String {
 pub fn figure(figure: &Figure) -> String {
     let title = escaped(figure.title);
     match &figure.content {
-        Ok((svg, findings)) => {
+        Some((svg, findings)) => {
             let mut text = format!("<details class=\"figure\"><summary>{title}</summary>\n");
             if let Some(svg) = svg {
                 // The declaration of an XML file has no place inside a page.
@@ -37,7 +37,7 @@ pub fn figure(figure: &Figure) -> String {
             }
             text + "</details>\n"
         }
-        Err(why) => format!("<p class=\"missing\">{title}: left out, because {}</p>\n", escaped(why)),
+        None => format!("<p class=\"missing\">{title}: not part of this page.</p>\n"),
     }
 }
 
@@ -49,11 +49,15 @@ pub fn constants(scene: &Scene) -> String {
         for (key, value) in scene[group].as_object().into_iter().flatten() {
             let key = format!("{group}.{key}");
             let symbol = Some(scene_key::symbol(&key)).filter(|symbol| *symbol != key).unwrap_or_default();
+            let shown = |value: &Value| match (value, value.as_f64()) {
+                (_, Some(x)) => with_unit(&key, x),
+                (Value::String(word), _) => word.clone(),
+                (other, _) => other.to_string(),
+            };
             let shown = match value {
                 Value::Null => continue,
-                Value::Number(number) => number.as_f64().map_or(number.to_string(), |x| scene_key::shown(&key, x)),
-                Value::String(word) => word.clone(),
-                other => other.to_string(),
+                Value::Array(values) => values.iter().map(shown).collect::<Vec<_>>().join(", "),
+                value => shown(value),
             };
             let _ = writeln!(text, "<tr><td>{key}</td><td>{symbol}</td><td>{}</td></tr>", escaped(&shown));
         }
@@ -61,7 +65,25 @@ pub fn constants(scene: &Scene) -> String {
     text + "</tbody></table>\n"
 }
 
-/// The table's certificate as sentences, and the candidates as a table.
+/// A number of the scene with the unit that its key names.
+fn with_unit(key: &str, value: f64) -> String {
+    let endings = [
+        ("_rad_per_s2", " rad/s²"),
+        ("_nm_per_a", " N m/A"),
+        ("_kg_m2", " kg m²"),
+        ("_ohm", " Ω"),
+        ("_a", " A"),
+        ("_pa", " Pa"),
+        (".load_n", " N"),
+        (".turns", " turns"),
+        ("lvdt_volts_at_stroke", " V"),
+        ("lvdt_volts_at_zero", " V"),
+    ];
+    let unit = endings.into_iter().find(|(ending, _)| key.ends_with(ending)).map_or("", |(_, unit)| unit);
+    scene_key::shown(key, value) + unit
+}
+
+/// The table's error bounds as sentences, and the candidates as a table.
 pub fn error_bounds(table: &TableReport<'_>) -> String {
     let mut text = String::from("<ul class=\"certificate\">\n");
     for sentence in table.sentences() {
@@ -82,20 +104,26 @@ mod tests {
     #[test]
     fn nothing_from_outside_becomes_markup() {
         let picture = (Some("<?xml?><svg></svg>".into()), vec!["1 & <script>".into()]);
-        let text = figure(&Figure { name: "margin", title: "Margin", content: Ok(picture) });
+        let text = figure(&Figure { name: "margin", title: "Margin", content: Some(picture) });
         assert!(
             text.contains("<div class=\"paper\"><svg></svg></div>") && text.contains("1 &amp; &lt;script&gt;"),
             "{text}"
         );
-        let text = figure(&Figure { name: "margin", title: "Margin", content: Err("<b> is not there".into()) });
-        assert!(text.contains("left out") && text.contains("&lt;b&gt;"), "{text}");
+        let text = figure(&Figure { name: "margin", title: "<Margin>", content: None });
+        assert!(text.contains("&lt;Margin&gt;: not part of this page"), "{text}");
     }
 
     #[test]
     fn every_constant_of_the_scene_has_its_unit() {
         let scene = Scene::from_toml_str(include_str!("../../../scenes/default.toml")).expect("the scene");
         let text = constants(&scene);
-        for part in ["<td>geometry.string_length_m</td><td>L0</td><td>97 mm</td>", "1.37 kN/m", "rig.encoder_lines"] {
+        for part in [
+            "<td>geometry.string_length_m</td><td>L0</td><td>97 mm</td>",
+            "1.37 kN/m",
+            "0.75 N, 18 N",
+            "0.5 A",
+            "rig.encoder_lines",
+        ] {
             assert!(text.contains(part), "{part} in {text}");
         }
     }

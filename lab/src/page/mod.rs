@@ -37,7 +37,7 @@ const SCRIPT: [&str; 8] = [
 /// What was missing when this program was built.
 fn solver() -> Result<String, Failure> {
     let bytes =
-        SOLVER.map_err(|why| Failure::failed(format!("this rigctl was built without the page's solver: {why}")))?;
+        SOLVER.map_err(|why| Failure::failed(format!("this tool was built without the page's solver: {why}")))?;
     Ok(STANDARD.encode(bytes))
 }
 

@@ -11,6 +11,7 @@ use rigctl::options::Global;
 use rigctl::out_file::OutFile;
 use rigctl::output::Output;
 use rigctl::recorded_move::{self, draw};
+use rigctl::units::{KG, N, S, UM};
 use std::path::{Path, PathBuf};
 
 /// Load of the recorded move (kg) and twist of the strings when the board starts (rad).
@@ -70,7 +71,7 @@ impl Arguments {
             // `<` starts a tag in a script of data, too.
             ("data", serde_json::to_string(&data)?.replace('<', "\\u003c")),
         ])?)?;
-        let missing = figures.iter().chain([&recorded]).filter(|f| f.content.is_err()).map(|f| f.name);
+        let missing = figures.iter().chain([&recorded]).filter(|f| f.content.is_none()).map(|f| f.name);
         output.object(&serde_json::json!({ "report": self.out, "missing": missing.collect::<Vec<_>>() }))?;
         output.line(format!("written: {}", self.out.display()))?;
         Ok(())
@@ -87,7 +88,7 @@ impl Arguments {
             let (name, title, ..) = kind;
             let content = match &self.charts {
                 Some(folder) => match rig_config::files::read_to_string(&folder.join(format!("{name}.svg"))) {
-                    Ok(svg) => Ok((Some(svg), Vec::new())),
+                    Ok(svg) => Some((Some(svg), Vec::new())),
                     // A table has no picture, and the folder may hold only some figures.
                     Err(_) => continue,
                 },
@@ -95,7 +96,7 @@ impl Arguments {
                     output.line(format!("{name} …"))?;
                     output.flush()?;
                     let made = crate::chart::make(kind, scene, &global.scene, beside).map_err(Failure::from);
-                    made.map(|made| (made.svg, made.findings)).map_err(|e| why(name, &e))
+                    made.map(|made| (made.svg, made.findings)).map_err(|e| left_out(name, &e)).ok()
                 }
             };
             figures.push(Figure { name, title, content });
@@ -122,7 +123,7 @@ fn of_log(path: &Path, log: &Log, scene: &Scene) -> (Figure, Option<Move>) {
     if log.header.get("scene_hash").is_some_and(|recorded| recorded != hash) {
         what += " It was recorded with another scene than this page's: the drawing need not agree with the positions.";
     }
-    let content = Ok((None, vec![what.clone()]));
+    let content = Some((None, vec![what.clone()]));
     (Figure { name: "move", title: MOVED, content }, Some(Move::new(what, &log.rows)))
 }
 
@@ -133,26 +134,32 @@ fn on_the_emulated_board(global: &Global, gear: f64) -> (Figure, Option<Move>) {
         let options = global.emulated()?;
         let m = recorded_move::record(&options, load_kg, twist_rad, gear)?;
         let findings = vec![
-            format!("EMULATED: the firmware's ELF on an {options}, {load_kg} kg, unknown to it"),
             format!(
-                "load estimated {:.3} N, true {:.3} N; homed in {:.1} s",
-                m.travel.load_n, m.load_true_n, m.home.duration_s
+                "Emulated: the firmware on an {options}; {} hangs on it, unknown to the firmware.",
+                KG.exact(load_kg)
             ),
-            format!("error at rest {:+.1} um; core busy {:.2} %", m.true_error_at_rest_m * 1e6, 100.0 * m.core_busy),
+            format!(
+                "Load: estimated {}, true {}. Homing took {}.",
+                N.within(m.travel.load_n, m.travel.load_error_n),
+                N.show(m.load_true_n),
+                S.show(m.home.duration_s)
+            ),
+            format!("True error at rest: {}.", UM.show(m.true_error_at_rest_m)),
         ];
-        let what = format!("A move of {load_kg} kg on the emulated board and rig; nothing here has met hardware.");
+        let what = format!("A move of {} on the emulated board and actuator, not on hardware.", KG.exact(load_kg));
         Ok(((Some(draw(&[(m.load_kg, &m.rows)])?), findings), Move::new(what, &m.rows)))
     };
     let (content, moved) = match made() {
-        Ok((picture, moved)) => (Ok(picture), Some(moved)),
-        Err(failure) => (Err(why("move", &failure)), None),
+        Ok((picture, moved)) => (Some(picture), Some(moved)),
+        Err(failure) => {
+            left_out("move", &failure);
+            (None, None)
+        }
     };
     (Figure { name: "move", title: MOVED, content }, moved)
 }
 
-/// Why a part is missing; it is printed at once.
-fn why(name: &str, failure: &Failure) -> String {
-    let why = failure.message().unwrap_or_default();
-    eprintln!("left out: {name}: {why}");
-    why
+/// Says on standard error why a part is missing.
+fn left_out(name: &str, failure: &Failure) {
+    eprintln!("left out: {name}: {}", failure.message().unwrap_or_default());
 }

@@ -23,9 +23,16 @@ const WARNINGS = {
   "tr-infinite": "at zero twist a small turn moves nothing",
 };
 
+// The turns that the table covers, or what is usual.
+const TURNS_MAX = data.envelope?.turns[1] ?? 7.5;
+// A state is written into the address when it has stood this long; browsers refuse to write more often.
+const ADDRESS_MS = 300;
+// How long the strings turn from 0 to their maximum (s).
+const TURN_S = 6;
+
 const rig = {
   load_n: Math.min(Math.max(4.9, scene_load[0]), scene_load[1]),
-  turns: Math.min(3, data.envelope?.turns[1] ?? 3),
+  turns: Math.min(3, TURNS_MAX),
   // Why the constants are refused, or null.
   refused: null,
   changed: false,
@@ -44,6 +51,22 @@ const rig = {
     rig.turns = within(turns, ranges.turns);
     rig.measured_m = measured_m;
     rig.invalidate();
+    clearTimeout(rig.writing);
+    rig.writing = setTimeout(rig.writeAddress, ADDRESS_MS);
+  },
+
+  // The state in the address, `#load=4.9&turns=3` in N and turns, as far as it is there.
+  readAddress() {
+    const address = new URLSearchParams(location.hash.slice(1));
+    const number = (name, otherwise) => (/\d/.test(address.get(name)) && Number.isFinite(Number(address.get(name)))
+      ? Number(address.get(name)) : otherwise);
+    const [load_n, turns] = [number("load", rig.load_n), number("turns", rig.turns)];
+    if (load_n !== rig.load_n || turns !== rig.turns) rig.set(load_n, turns);
+  },
+
+  writeAddress() {
+    const digits = (x) => Number(x.toPrecision(6));
+    history.replaceState(null, "", `#load=${digits(rig.load_n)}&turns=${digits(rig.turns)}`);
   },
 
   // Draws in the next frame, once.
@@ -130,8 +153,8 @@ const rig = {
       const enough = !s.error && s.tier_error.contraction_m <= contraction_m && s.tier_error.tr_relative <= tr_relative;
       const cells = s.error ? [name, s.error.split(":")[0], "", "no"] : [
         name,
-        `${(s.contraction_m * 1e3).toFixed(4)} mm ± ${(s.tier_error.contraction_m * 1e3).toFixed(4)}`,
-        s.tr_rad_per_m === null ? "–" : `${(s.tr_rad_per_m * 1e-3).toFixed(3)} ± ${(s.tier_error.tr_relative * 100).toFixed(2)} %`,
+        `${(s.contraction_m * 1e3).toFixed(4)} ± ${(s.tier_error.contraction_m * 1e3).toFixed(4)} mm`,
+        s.tr_rad_per_m === null ? "–" : `${(s.tr_rad_per_m * 1e-3).toFixed(3)} rad/mm ± ${(s.tier_error.tr_relative * 100).toFixed(2)} %`,
         enough ? "yes" : "no",
       ];
       row.append(...cells.map((text) => Object.assign(document.createElement("td"), { textContent: text })));
@@ -140,6 +163,39 @@ const rig = {
     table.tBodies[0].replaceChildren(...rows);
   },
 };
+
+// A button that plays: `start` is called at its first press, then `step` in each frame with the seconds since the one
+// before, until it returns false. Another press, or whatever else moves the mechanism, stops it.
+const players = [];
+
+function player(button, step, start) {
+  const me = { playing: false, before_ms: null };
+  me.stop = () => {
+    me.playing = false;
+    button.textContent = "Play";
+  };
+  const frame = (now_ms) => {
+    if (!me.playing) return;
+    const passed_s = (now_ms - (me.before_ms ?? now_ms)) * 1e-3;
+    me.before_ms = now_ms;
+    if (step(passed_s)) requestAnimationFrame(frame);
+    else me.stop();
+  };
+  button.addEventListener("click", () => {
+    const begins = !me.playing;
+    stopPlaying();
+    if (!begins) return;
+    start();
+    Object.assign(me, { playing: true, before_ms: null });
+    button.textContent = "Pause";
+    requestAnimationFrame(frame);
+  });
+  players.push(me);
+}
+
+function stopPlaying() {
+  players.forEach((one) => one.stop());
+}
 
 // A labelled slider. `scale` maps its 0…1000 to the value and back; `text` shows the value.
 function slider(parent, id, label, scale, text, changed) {
@@ -180,9 +236,9 @@ const logarithmic = ([low, high]) => ({
 
 const stateSliders = document.getElementById("state-sliders");
 const loadSlider = slider(stateSliders, "load", "Load", logarithmic(ranges.load),
-  (v) => `${v.toPrecision(3)} N (${(v / 9.80665).toPrecision(3)} kg)`, (v) => playback.stop() || rig.set(v, rig.turns));
-const turnsSlider = slider(stateSliders, "turns", "Turns of the motor's side past the half-turn pre-twist",
-  linear(ranges.turns), (v) => v.toFixed(3), (v) => playback.stop() || rig.set(rig.load_n, v));
+  (v) => `${v.toPrecision(3)} N (${(v / 9.80665).toPrecision(3)} kg)`, (v) => stopPlaying() || rig.set(v, rig.turns));
+const turnsSlider = slider(stateSliders, "turns", "Turns of the strings past the half-turn pre-twist",
+  linear(ranges.turns), (v) => `${v.toFixed(3)} turns`, (v) => stopPlaying() || rig.set(rig.load_n, v));
 
 // Sliders of the constants that the scene has, each from half to twice its value.
 const constantSliders = SLIDERS.filter(([k]) => data.constants[k]).map(([k, label, unit, factor]) => {
@@ -207,6 +263,13 @@ function beginControls() {
   });
   document.getElementById("tiers").closest("details").addEventListener("toggle", () => rig.invalidate());
 
+  rig.readAddress();
+  window.addEventListener("hashchange", () => stopPlaying() || rig.readAddress());
+  player(document.getElementById("turn"), (passed_s) => {
+    rig.set(rig.load_n, rig.turns + passed_s * TURNS_MAX / TURN_S);
+    return rig.turns < TURNS_MAX && !solver.solve(rig.load_n, rig.turns).error;
+  }, () => rig.set(rig.load_n, 0));
+
   const start = { load_n: rig.load_n, turns: rig.turns };
   drawing.canvas.addEventListener("keydown", (event) => {
     const much = event.shiftKey ? 10 : 1;
@@ -215,14 +278,14 @@ function beginControls() {
     else if (step) rig.set(rig.load_n * (1 + step[0]) ** much, rig.turns + much * step[1]);
     else return;
     event.preventDefault();
-    playback.stop();
+    stopPlaying();
   });
 
   let grip = null;
   drawing.canvas.addEventListener("pointerdown", (event) => {
     grip = { x: event.clientX, y: event.clientY, load_n: rig.load_n, turns: rig.turns };
     drawing.canvas.setPointerCapture(event.pointerId);
-    playback.stop();
+    stopPlaying();
   });
   drawing.canvas.addEventListener("pointermove", (event) => {
     if (!grip) return;

@@ -3,6 +3,7 @@
 // Steps of the present load's curve, and of each of the others.
 const STEPS = 90;
 const FAMILY_STEPS = 45;
+const LOAD_COLOURS = ["#d99a2b", "#5fa052", "#2f97ab", "#6c79d0", "#b05fb3"];
 
 const curves = {
   canvases: [document.getElementById("contraction-curve"), document.getElementById("tr-curve")],
@@ -45,22 +46,7 @@ const curves = {
     const all = curves.family.flatMap((c) => (c.end ? [...c.points, c.end] : c.points));
     const most = (k) => Math.max(...all.map((p) => p[k]).filter(Number.isFinite), 1e-3);
     curves.most = [1.05 * most(1), 1.05 * most(2)];
-  },
-
-  // Loads beside their curves, each on a halo; one that would cover another is left out.
-  label(g, labels) {
-    g.textAlign = "right";
-    g.textBaseline = "bottom";
-    g.lineWidth = 4;
-    g.strokeStyle = ink("card");
-    g.fillStyle = ink("soft");
-    const put = [];
-    for (const [text, x, y] of labels) {
-      if (put.some(([px, py]) => Math.abs(px - x) < 45 && Math.abs(py - y) < 14)) continue;
-      put.push([x, y]);
-      g.strokeText(text, x, y - 2);
-      g.fillText(text, x, y - 2);
-    }
+    legend("curve-legend", curves.family.map(({ load_n }, k) => [LOAD_COLOURS[k], `${load_n.toPrecision(2)} N`]));
   },
 
   draw(state) {
@@ -70,27 +56,23 @@ const curves = {
       const { g, width, height } = begin(curves.canvases[k]);
       const most = Math.max(curves.most[k], ...present.points.map((p) => p[k + 1]).filter(Number.isFinite));
       const { box, sx, sy } = axes(g, width, height,
-        { range: [0, ranges.turns[1]], label: "turns past the half-turn pre-twist" }, { range: [0, most] });
+        { range: [0, ranges.turns[1]], label: "turns past the half-turn pre-twist" },
+        { range: [0, most], label: k ? "TR, rad/mm" : "contraction, mm" });
       const px = ([turns, ...values]) => [sx.at(turns), sy.at(values[k])];
       g.save();
       g.beginPath();
       g.rect(box.left, box.top - 4, box.right - box.left + 10, box.bottom - box.top + 8);
       g.clip();
-      const labels = [];
-      for (const { load_n, points, end } of curves.family) {
-        g.lineWidth = 1.2;
-        g.strokeStyle = ink("ghost");
-        const drawn = end ? [...points, end] : points;
-        line(g, drawn.map(px));
-        if (end) cross(g, ...px(end), ink("ghost"));
-        const place = drawn[Math.floor(drawn.length * (k ? 0.35 : 0.93))];
-        if (drawn.length > 8) labels.push([`${short(Number(load_n.toPrecision(2)))} N`, ...px(place)]);
-      }
+      curves.family.forEach(({ points, end }, n) => {
+        g.lineWidth = 1.4;
+        g.strokeStyle = LOAD_COLOURS[n];
+        line(g, (end ? [...points, end] : points).map(px));
+        if (end) cross(g, ...px(end), LOAD_COLOURS[n]);
+      });
       g.strokeStyle = ink("accent");
       g.lineWidth = 2.6;
       line(g, present.points.map(px));
       if (present.end) cross(g, ...px(present.end), ink("accent"));
-      curves.label(g, labels);
       g.restore();
       if (!state.error && state.turns >= 0 && state[name] !== null) {
         dot(g, ...px([state.turns, state.contraction_m * 1e3, (state.tr_rad_per_m ?? 0) * 1e-3]), 6, ink("now"));

@@ -109,7 +109,7 @@ const drawing = {
 
   // Rail with millimetres, and where the load hung at the pre-twist.
   rail(g, at, scale, state, start_m, width) {
-    const rail = Math.min(width - 46, at([0, 0.5 * drawing.span_m, 0])[0] + 62);
+    const rail = Math.min(width - 62, at([0, 0.5 * drawing.span_m, 0])[0] + 62);
     drawing.rail_px = rail;
     g.strokeStyle = ink("ghost");
     g.lineWidth = 2;
@@ -122,12 +122,12 @@ const drawing = {
     for (let mm = 0; mm <= drawing.longest_m * 1e3; mm += step) {
       const y = at([mm * 1e-3, 0, 0])[1];
       line(g, [[rail, y], [rail + (mm % 10 ? 4 : 8), y]]);
-      if (mm % 20 === 0) g.fillText(mm ? `${mm}` : "0 mm", rail + 11, y);
+      if (mm % 20 === 0) g.fillText(`${mm} mm`, rail + 11, y);
     }
     const [start, now] = [start_m, state.gap_m].map((x) => at([x, 0, 0])[1]);
     g.setLineDash([4, 4]);
     g.strokeStyle = ink("accent");
-    line(g, [[at([0, -0.5 * drawing.span_m, 0])[0], start], [rail, start]]);
+    line(g, [[at([0, 0.1 * drawing.span_m, 0])[0], start], [rail, start]]);
     g.setLineDash([]);
     if (Math.abs(start - now) > 3) {
       const x = rail - 14;

@@ -24,7 +24,6 @@ try {
     map.begin();
     playback.begin();
     rig.setConstants(solver.constants);
-    map.explain();
     new ResizeObserver(redrawAll).observe(document.body);
   });
 } catch (error) {

@@ -2,11 +2,8 @@
 
 const playback = {
   canvas: document.getElementById("moved-curve"),
-  button: document.getElementById("play"),
   slider: document.getElementById("time"),
-  playing: false,
   time_s: 0,
-  before_ms: null,
 
   begin() {
     const moved = data.moved;
@@ -17,35 +14,16 @@ const playback = {
     // The load of a row without one is the last that was known.
     let known = moved.load_n.find((load) => load !== null) ?? rig.load_n;
     playback.loads = moved.load_n.map((load) => { known = load ?? known; return known; });
-    playback.button.addEventListener("click", () => (playback.playing ? playback.stop() : playback.start()));
+    const last = moved.t_s.at(-1);
+    player(document.getElementById("play"), (passed_s) => {
+      playback.show(playback.time_s + passed_s);
+      return playback.time_s < last;
+    }, () => { if (playback.time_s >= last) playback.time_s = 0; });
     playback.slider.addEventListener("input", () => {
-      playback.stop();
+      stopPlaying();
       playback.show(Number(playback.slider.value));
     });
     playback.draw();
-  },
-
-  start() {
-    const last = data.moved.t_s.at(-1);
-    if (playback.time_s >= last) playback.time_s = 0;
-    playback.playing = true;
-    playback.before_ms = null;
-    playback.button.textContent = "Pause";
-    requestAnimationFrame(playback.step);
-  },
-
-  stop() {
-    playback.playing = false;
-    playback.button.textContent = "Play";
-  },
-
-  step(now_ms) {
-    if (!playback.playing) return;
-    playback.before_ms ??= now_ms;
-    playback.show(playback.time_s + (now_ms - playback.before_ms) * 1e-3);
-    playback.before_ms = now_ms;
-    if (playback.time_s >= data.moved.t_s.at(-1)) playback.stop();
-    else requestAnimationFrame(playback.step);
   },
 
   // The row at or before a time.
@@ -79,7 +57,7 @@ const playback = {
     const range = all.length ? [Math.min(...all, 0), Math.max(...all, 0.1)] : [0, 1];
     const pad = 0.05 * (range[1] - range[0]);
     const { box, sx, sy } = axes(g, width, height, { range: [0, moved.t_s.at(-1)], label: "time, s" },
-      { range: [range[0] - pad, range[1] + pad] });
+      { range: [range[0] - pad, range[1] + pad], label: "position, mm: measured (line), set-point (dashed)" });
     for (const [column, colour, wide, dash] of [[moved.setpoint_m, "soft", 1.5, [5, 4]], [moved.position_m, "accent", 2.2, []]]) {
       g.strokeStyle = ink(colour);
       g.lineWidth = wide;
@@ -87,10 +65,6 @@ const playback = {
       line(g, moved.t_s.map((t, k) => [t, column[k]]).filter(([, v]) => v !== null).map(([t, v]) => [sx.at(t), sy.at(v * 1e3)]));
     }
     g.setLineDash([]);
-    g.fillStyle = ink("soft");
-    g.textAlign = "left";
-    g.textBaseline = "top";
-    g.fillText("position, mm: measured (line), set-point (dashed)", box.left + 8, box.top + 4);
     g.strokeStyle = ink("now");
     g.lineWidth = 1.5;
     line(g, [[sx.at(playback.time_s), box.top], [sx.at(playback.time_s), box.bottom]]);

@@ -54,9 +54,10 @@ function logTicks(low, high) {
 
 const short = (x) => String(Number(x.toPrecision(4)));
 
-// The frame of a plot: `x` and `y` are { range, log, label }. Returns the two scales and their inverses.
+// The frame of a plot: `x` and `y` are { range, log, label }; the label of `y` stands above it. Returns the two scales and
+// their inverses.
 function axes(g, width, height, x, y) {
-  const box = { left: 44, top: 8, right: width - 10, bottom: height - 36 };
+  const box = { left: 44, top: 26, right: width - 10, bottom: height - 36 };
   const scale = ({ range: [low, high], log }, from, to) => {
     const f = log ? Math.log : (v) => v;
     const back = log ? Math.exp : (v) => v;
@@ -84,7 +85,20 @@ function axes(g, width, height, x, y) {
     g.fillText(short(v), sx.at(v), box.bottom + 5);
   }
   g.fillText(x.label, (box.left + box.right) / 2, box.bottom + 20);
+  g.textAlign = "left";
+  g.fillText(y.label, 4, 4);
   return { box, sx, sy };
+}
+
+// Fills a list with coloured swatches and what each means.
+function legend(id, entries) {
+  document.getElementById(id).replaceChildren(...entries.map(([colour, name]) => {
+    const item = document.createElement("li");
+    const swatch = document.createElement("i");
+    swatch.style.background = colour;
+    item.append(swatch, name);
+    return item;
+  }));
 }
 
 function line(g, points) {

@@ -98,7 +98,7 @@ const solver = {
 function unsupported(why) {
   const notice = document.getElementById("unsupported");
   notice.textContent = "This browser has no WebAssembly, or does not allow it here, so the mechanism cannot be computed "
-    + `and moved (${why?.message ?? why}). Certificate, figures and constants are below.`;
+    + `and moved (${why?.message ?? why}). Error bounds, figures and constants are below.`;
   notice.hidden = false;
   document.getElementById("interactive").hidden = true;
 }

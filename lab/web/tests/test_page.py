@@ -203,20 +203,57 @@ def test_a_refused_state_is_said_and_left_again(browser, reports):
         assert "No such state" not in page.inner_text("#state")
 
 
-def test_the_map_shows_tiers_limits_and_the_tables_errors(browser, reports):
+def test_the_map_shows_the_ratio_tiers_limits_and_the_tables_errors(browser, reports):
     with Opened(browser, reports["default"]) as page:
         page.wait_for_function("tsa.state.map_done")
         frames(page)
-        legend = page.inner_text("#map-legend")
-        for name in ["beam-column", "full", "no equilibrium"]:
-            assert name in legend, legend
         pictures = {page.locator("#map").screenshot()}
-        for view, unit in [("contraction", "µm"), ("tr", "%")]:
+        scale = [entry for entry in page.inner_text("#map-legend").split("\n") if "rad/mm" in entry]
+        ratios = [float(entry.split()[-2]) for entry in scale]
+        assert len(ratios) == 5 and ratios == sorted(ratios), scale
+        # The scale's ends are those of the range of the table: its lightest and its heaviest load.
+        for turns, load, shown in [(7.5, 0.75, ratios[0]), (0.5, 18, ratios[-1])]:
+            assert page.evaluate(f"tsa.solve({load}, {turns}).tr_rad_per_m") * 1e-3 == pytest.approx(shown, rel=0.06)
+        for view, units in [("tier", ["beam-column", "full", "no equilibrium"]), ("contraction", ["µm"]), ("tr", ["%"])]:
             page.check(f"input[value={view}]")
             frames(page)
-            assert unit in page.inner_text("#map-legend")
+            for name in units:
+                assert name in page.inner_text("#map-legend")
             pictures.add(page.locator("#map").screenshot())
-        assert len(pictures) == 3
+        assert len(pictures) == 4
+
+
+def test_play_turns_the_strings_from_0_to_their_maximum(browser, reports):
+    with Opened(browser, reports["default"]) as page:
+        load = page.evaluate("tsa.state.load_n")
+        page.click("#turn")
+        page.wait_for_function("tsa.state.turns > 0.2 && tsa.state.turns < 2")
+        page.wait_for_function("document.getElementById('turn').textContent == 'Play'")
+        assert page.evaluate("[tsa.state.load_n, tsa.state.turns]") == [load, pytest.approx(7.5, abs=0.2)]
+        page.click("#turn")
+        page.wait_for_function("tsa.state.turns > 0.2 && tsa.state.turns < 2")
+        page.click("#turn")
+        stopped = page.evaluate("tsa.state.turns")
+        frames(page, 10)
+        assert page.evaluate("tsa.state.turns") == stopped
+
+
+def test_the_address_is_the_state(browser, reports):
+    with Opened(browser, reports["default"]) as page:
+        page.focus("#drawing")
+        page.keyboard.press("Shift+ArrowRight")
+        page.keyboard.press("Shift+ArrowDown")
+        page.wait_for_function("location.hash.includes('turns=3.5')")
+        state, address = page.evaluate("[tsa.state.load_n, tsa.state.turns]"), page.url
+        page.goto("about:blank")
+        page.goto(address)
+        assert page.evaluate("[tsa.state.load_n, tsa.state.turns]") == pytest.approx(state, rel=1e-5)
+        # Another address on the open page, one that is no state, and one beyond the sliders.
+        for part, turns in [("#turns=1.25", 1.25), ("#load=&turns=many", 1.25), ("#load=1e9&turns=2", 2)]:
+            page.evaluate("(part) => { location.hash = part; }", part)
+            frames(page)
+            assert page.evaluate("tsa.state.turns") == turns
+        assert page.evaluate("tsa.state.load_n") == 27
 
 
 def test_the_recorded_move_plays(browser, reports):

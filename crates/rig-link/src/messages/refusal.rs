@@ -12,7 +12,7 @@ pub enum Refusal {
     #[error("not homed: `home` first")]
     NotHomed,
     /// Not possible in this state.
-    #[error("not possible while {state}")]
+    #[error("not possible while {state}: wait, or `stop` first")]
     Busy {
         /// The state that is in the way.
         state: State,
@@ -24,7 +24,7 @@ pub enum Refusal {
         fault: Fault,
     },
     /// `Clear` while the cause is still there.
-    #[error("fault {fault} cannot be cleared: its cause is still there")]
+    #[error("fault {fault} cannot be cleared: its cause is still there (docs/reference/faults.md)")]
     CauseRemains {
         /// The fault.
         fault: Fault,
@@ -33,7 +33,7 @@ pub enum Refusal {
     #[error("the shaft turns: wait until it stands, then `clear`")]
     ShaftTurns,
     /// The emergency stop is open.
-    #[error("the emergency stop is pressed")]
+    #[error("the emergency stop is pressed: release it, then `clear` and `home`")]
     EStop,
     /// A parameter is outside its limits.
     #[error("{parameter} is {given} {unit}, allowed are {min} to {max} {unit}", unit = parameter.unit())]
@@ -78,13 +78,13 @@ pub enum Refusal {
         flaw: CurveFlaw,
     },
     /// No tool with the board's own protocol has greeted it since it started.
-    #[error("the board has not been greeted by a tool of its own protocol since it started: connect again")]
+    #[error("the board has restarted, or serves a tool of another version: connect again")]
     NotGreeted,
     /// The drive has not answered its start-up sequence.
-    #[error("the drive is not ready")]
+    #[error("the drive is not ready: check its supply and CAN, then run `rigctl doctor`")]
     DriveNotReady,
     /// A sensor that the request needs gives no valid reading.
-    #[error("no valid reading from the {sensor}")]
+    #[error("no valid reading from the {sensor}: check its wiring and supply, then run `rigctl doctor`")]
     SensorInvalid {
         /// Which.
         sensor: Sensor,
@@ -93,7 +93,7 @@ pub enum Refusal {
     #[error("too many requests at once: ask again")]
     TooMany,
     /// A stop came before this request was begun.
-    #[error("a stop came before this was begun")]
+    #[error("a stop came before this was begun: give the command again")]
     Stopped,
     /// Its number is not newer than that of the last request: an old message that has arrived again.
     #[error("an older message than the last one has arrived again: it is not carried out a second time")]

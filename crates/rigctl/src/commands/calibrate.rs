@@ -2,12 +2,14 @@
 
 use crate::board_settings::{self, all};
 use crate::failure::Failure;
+use crate::lvdt_points::GAP_M;
 use crate::lvdt_points::{self, APART_M, Point, corrected, fit, uncalibrated};
 use crate::options::Global;
 use crate::options::values::{gap, gauge_error};
 use crate::output::Output;
 use crate::output::decimal;
 use crate::session::{Session, Wanted, homing};
+use crate::units::{MM, NUMBER};
 use clap::Subcommand;
 use rig_link::{LoadChoice, LvdtCurve, Request, Setting, SettingValues};
 use serde_json::json;
@@ -33,7 +35,7 @@ pub enum Calibrate {
         #[arg(long, value_name = "FILE.csv", conflicts_with = "gap")]
         points: Option<PathBuf>,
         /// How far a gap of --points may be from the true one: half the width of the interval that holds the truth in 90 of
-        /// 100 cases (m, mm, um)
+        /// 100 cases (m, mm, µm)
         #[arg(long, value_name = "E", default_value = "20um", requires = "points", value_parser = gauge_error)]
         gauge_error: f64,
         /// Forget the points of --points
@@ -69,15 +71,15 @@ fn lvdt(global: &Global, gap: Option<f64>, other: Option<Point>, output: &mut Ou
     let Some(gap_m) = gap else {
         output.object(&json!({"gap_m": shown_m, "sensor_m": sensor_m, "true_gap_m": truth_m}))?;
         output.line(format!(
-            "gap {:.3} mm as calibrated, {:.3} mm uncalibrated; nothing changed",
-            shown_m * 1e3,
-            sensor_m * 1e3
+            "gap {} as calibrated, {} uncalibrated; nothing changed",
+            shown(shown_m),
+            shown(sensor_m)
         ))?;
         if let Some(curve) = &values.lvdt_curve {
             output.line(format!("{}: {}", lvdt_points::NAME, lvdt_points::words(curve)))?;
         }
         if let Some(truth_m) = truth_m {
-            output.line(format!("true (emulated rig) {:.3} mm", truth_m * 1e3))?;
+            output.line(format!("true (emulated) {}", shown(truth_m)))?;
         }
         output.line("measure the gap between the clamps with callipers, then: rigctl calibrate lvdt --gap GAP")?;
         return Ok(());
@@ -95,21 +97,21 @@ fn lvdt(global: &Global, gap: Option<f64>, other: Option<Point>, output: &mut Ou
         "true_gap_m": truth_m, "kept": true, "unhomed": unhomed, "settings": all(&new),
     }))?;
     output.line(format!(
-        "the board showed {:.3} mm at {:.3} mm ({:+.3} mm), now {:.3} mm: lvdt-offset {:+.3} mm, lvdt-gain {:.5}, kept in flash",
-        shown_m * 1e3,
-        gap_m * 1e3,
-        (shown_m - gap_m) * 1e3,
-        after_m * 1e3,
-        offset_m * 1e3,
-        gain
+        "the board showed {} at {} (off by {}), now {}: lvdt-offset {}, lvdt-gain {}, kept in flash",
+        shown(shown_m),
+        shown(gap_m),
+        shown(shown_m - gap_m),
+        shown(after_m),
+        shown(offset_m),
+        NUMBER.exact(gain)
     ))?;
     if other.is_none() {
         output.line(format!(
-            "one point gives the offset. For the gain too bring the load to a gap {} mm or more from this one (`rigctl jog`),\n\
-             measure there, and: rigctl calibrate lvdt --gap GAP --point {:.6}m:{:.6}m",
-            APART_M * 1e3,
-            gap_m,
-            sensor_m
+            "one point gives the offset. For the gain too bring the load to a gap {} or more from this one (`rigctl jog`),\n\
+             measure there, and: rigctl calibrate lvdt --gap GAP --point {}mm:{}mm",
+            MM.exact(APART_M),
+            MM.number(gap_m, GAP_M),
+            MM.number(sensor_m, GAP_M)
         ))?;
     }
     next_steps(&session, global, unhomed, output)
@@ -138,13 +140,18 @@ fn points(global: &Global, curve: Option<LvdtCurve>, output: &mut Output) -> Res
     }
     output.object(&object)?;
     output.line(format!(
-        "{}: {}; kept in flash. The board showed {:.3} mm, now {:.3} mm",
+        "{}: {}; kept in flash. The board showed {}, now {}",
         lvdt_points::NAME,
         curve.as_ref().map_or("none".to_owned(), lvdt_points::words),
-        before_m * 1e3,
-        after_m * 1e3
+        shown(before_m),
+        shown(after_m)
     ))?;
     next_steps(&session, global, unhomed, output)
+}
+
+/// A gap for people, as far as the sensor resolves it.
+fn shown(gap_m: f64) -> String {
+    MM.rounded(gap_m, GAP_M)
 }
 
 fn started(global: &Global) -> Result<Session, Failure> {
@@ -183,11 +190,10 @@ fn zero(global: &Global, output: &mut Output) -> Result<(), Failure> {
     output.object(&json!({"position_before_m": before_m, "position_m": after_m, "position_zero_m": decimal(value),
         "kept": true}))?;
     output.line(format!(
-        "position was {:.3} mm and is {:+.3} mm now: 0 is {:+.3} mm from where the load hangs at the half-turn pre-twist; \
-         kept in flash",
-        before_m * 1e3,
-        after_m * 1e3,
-        f64::from(value) * 1e3
+        "position was {} and is {} now: 0 is {} from where the load hangs at the half-turn pre-twist; kept in flash",
+        shown(before_m),
+        shown(after_m),
+        shown(value.into())
     ))?;
     Ok(())
 }

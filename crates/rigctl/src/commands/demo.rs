@@ -7,6 +7,7 @@ use crate::out_file::{folder, write_file};
 use crate::output::Output;
 use crate::recorded_move::{RecordedMove, SPEED_M_PER_S, TARGET_M, draw, record};
 use crate::session::sim::SimOptions;
+use crate::units::{KG, MM, MM_PER_S, N, NUMBER, PERCENT, RAD, RAD_PER_MM, S, UM};
 use clap::Args;
 use rig_plant::PlantKey;
 use std::path::PathBuf;
@@ -36,49 +37,41 @@ pub fn run(global: &Global, Demo { out }: &Demo, output: &mut Output) -> Result<
     folder(out)?;
     let mut outcomes = Vec::new();
     for (load_kg, twist_rad) in LOADS {
-        output.line(format!(
-            "{load_kg} kg: booting the firmware on a fresh emulated board, strings twisted by {twist_rad} rad …"
-        ))?;
+        let (load, twist) = (KG.exact(load_kg), RAD.exact(twist_rad));
+        output.line(format!("{load}: booting the firmware on a fresh emulated board, strings twisted by {twist} …"))?;
         output.flush()?;
         outcomes.push(record(&options, load_kg, twist_rad, scene.rig.gear())?);
     }
     output.line("")?;
-    output.line(format!(
-        "moved to {} mm at {} mm/s; everything below was EMULATED: the firmware's ELF on an {options}",
-        TARGET_M * 1e3,
-        SPEED_M_PER_S * 1e3
-    ))?;
-    output.line(
-        "load    true N     estimate N    (error)  TR start  TR end rad/mm  motor turns  homing s  move s  \
-         rest error um: measured, true  core busy  instr/tick mean, max  x real time",
-    )?;
-    for o in &outcomes {
-        let m = &o.travel;
-        output.line(format!(
-            "{:3.1} kg {:7.3}  {:6.3} ± {:5.3}  {:+6.1} %  {:8.3}  {:13.3}  {:11.1}  {:8.1}  {:6.2}  {:+12.1} ± {:3.0}, {:+9.1}  {:7.2} %  {:12.0}, {:6.0}  {:11.1}",
-            o.load_kg,
-            o.load_true_n,
-            m.load_n,
-            m.load_error_n.unwrap_or(f32::NAN),
-            100.0 * (m.load_n / o.load_true_n - 1.0),
-            m.tr_start_rad_per_m * 1e-3,
-            m.tr_end_rad_per_m * 1e-3,
-            o.motor_turns,
-            o.home.duration_s,
-            m.duration_s,
-            m.error_m * 1e6,
-            1e6 * m.position_error_m.unwrap_or(f32::NAN),
-            o.true_error_at_rest_m * 1e6,
-            100.0 * o.core_busy,
-            o.instructions_per_tick_mean,
-            o.instructions_per_tick_max,
-            o.realtime_factor
-        ))?;
-        output.object(o)?;
+    let (target, speed) = (MM.exact(TARGET_M), MM_PER_S.exact(SPEED_M_PER_S));
+    output
+        .line(format!("moved to {target} at {speed}; everything below was EMULATED: the firmware on an {options}"))?;
+    outcomes.iter().try_for_each(|o| output.object(o))?;
+    let row = |name: &str, value: &dyn Fn(&RecordedMove) -> String| {
+        outcomes.iter().fold(format!("{name:<26}"), |line, o| line + &format!("{:>20}", value(o)))
+    };
+    for line in [
+        row("load", &|o| KG.exact(o.load_kg)),
+        row("true load", &|o| N.show(o.load_true_n)),
+        row("estimated load", &|o| N.within(o.travel.load_n, o.travel.load_error_n)),
+        row("its error", &|o| PERCENT.show(o.travel.load_n / o.load_true_n - 1.0)),
+        row("TR at the start", &|o| RAD_PER_MM.show(o.travel.tr_start_rad_per_m)),
+        row("TR at the end", &|o| RAD_PER_MM.show(o.travel.tr_end_rad_per_m)),
+        row("turns of the motor", &|o| NUMBER.show(o.motor_turns)),
+        row("homing", &|o| S.show(o.home.duration_s)),
+        row("move", &|o| S.show(o.travel.duration_s)),
+        row("error at rest, measured", &|o| UM.within(o.travel.error_m, o.travel.position_error_m)),
+        row("error at rest, true", &|o| UM.rounded(o.true_error_at_rest_m, o.travel.position_error_m)),
+        row("core busy", &|o| PERCENT.show(o.core_busy)),
+        row("instructions a tick, mean", &|o| NUMBER.number(o.instructions_per_tick_mean, 10.0)),
+        row("instructions a tick, max", &|o| NUMBER.number(o.instructions_per_tick_max, 10.0)),
+        row("times real time", &|o| NUMBER.show(o.realtime_factor)),
+    ] {
+        output.line(line)?;
     }
     output.line(
-        "± is the error that the board states: it holds the truth in 90 of 100 cases. Constants and LVDT are not calibrated \
-         on this rig; docs/how-to/calibrate.md does that.",
+        "± is the 90 % uncertainty that the board states. Constants and LVDT of this actuator are not calibrated; \
+         docs/how-to/calibrate.md does that.",
     )?;
     let moves: Vec<_> = outcomes.iter().map(|outcome| (outcome.load_kg, &outcome.rows[..])).collect();
     write_file(out, "demo.svg", &draw(&moves)?)?;

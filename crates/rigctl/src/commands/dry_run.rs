@@ -5,6 +5,7 @@ use crate::backup;
 use crate::failure::Failure;
 use crate::options::Global;
 use crate::output::Output;
+use crate::units::{MM, MM_PER_S, NUMBER, RAD_PER_MM, S, TURNS};
 use rig_control::limits::Limits;
 use rig_control::mechanism::Mechanism;
 use rig_control::move_check::{MoveRequest, MoveStart};
@@ -88,10 +89,13 @@ pub fn run(global: &Global, options: &Move, output: &mut Output) -> Result<(), F
             output.object(&json!({"t_s": t_s, "setpoint_m": s.position_m, "speed_m_per_s": s.speed_m_per_s,
                 "turns": turns, "motor_rpm": rpm, "tr_rad_per_m": tr, "limit": limit.map(|l| l.name())}))?;
             output.line(format!(
-                "{t_s:7.2}   {:12.3}   {:10.3}   {turns:6.3}   {rpm:9.0}   {:9.3}",
-                s.position_m * 1e3,
-                s.speed_m_per_s * 1e3,
-                tr * 1e-3
+                "{:>7}   {:>12}   {:>10}   {:>6}   {:>9}   {:>9}",
+                S.number(t_s, 0.1),
+                MM.number(s.position_m, 1e-5),
+                MM_PER_S.number(s.speed_m_per_s, 1e-5),
+                TURNS.number(turns, 0.01),
+                NUMBER.number(rpm, 10.0),
+                RAD_PER_MM.number(tr, 10.0)
             ))?;
         }
         if s.done {

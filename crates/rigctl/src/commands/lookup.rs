@@ -1,9 +1,11 @@
 //! `lookup`: what the firmware would answer.
 
+use super::solve::EXACT_M;
 use crate::batch::{self, At, Query, RowError};
 use crate::failure::Failure;
 use crate::options::Global;
 use crate::output::Output;
+use crate::units::{MM, MM_PER_N, NUMBER, RAD_PER_MM};
 use clap::Args;
 use serde::Serialize;
 use tsa_model::twist_from_turns;
@@ -76,13 +78,13 @@ pub fn run(global: &Global, Lookup { at }: &Lookup, output: &mut Output) -> Resu
     );
     let line = |a: &Answer| {
         format!(
-            "{:>10.4} {:>8.3} {:>14.5} {:>11.5} {:>11.5} {:>12.6}",
-            a.load_n,
-            a.turns,
-            a.contraction_m * 1e3,
-            a.gap_m * 1e3,
-            a.tr_rad_per_m * 1e-3,
-            a.dgap_dload_m_per_n * 1e3
+            "{:>10} {:>8} {:>14} {:>11} {:>11} {:>12}",
+            NUMBER.exact(a.load_n),
+            NUMBER.exact(a.turns),
+            MM.number(a.contraction_m, EXACT_M),
+            MM.number(a.gap_m, EXACT_M),
+            RAD_PER_MM.number(a.tr_rad_per_m, None::<f64>),
+            MM_PER_N.number(a.dgap_dload_m_per_n, None::<f64>)
         )
     };
     if let Some(path) = &at.batch {

@@ -6,11 +6,13 @@ use crate::monitor_input::{self, Typed};
 use crate::monitor_keys::{Keys, Order};
 use crate::options::Global;
 use crate::output::Output;
+use crate::output::at;
 use crate::play::play;
 use crate::request::text;
 use crate::screen::Screen;
 use crate::script::Script;
 use crate::session::{Place, Session, Wanted};
+use crate::units::N;
 use clap::Args;
 use ratatui::DefaultTerminal;
 use ratatui::crossterm::event::{DisableBracketedPaste, EnableBracketedPaste};
@@ -140,10 +142,10 @@ impl View {
         }
         for (t_s, kind) in session.take_events() {
             let what = match kind {
-                EventKind::Homed(found) => format!("homed: load {:.2} ± {:.2} N", found.load_n, found.load_error_n),
+                EventKind::Homed(found) => format!("homed: load {}", N.within(found.load_n, found.load_error_n)),
                 _ => event(&kind),
             };
-            self.screen.say(format!("{t_s:8.2} s  {what}"));
+            self.screen.say(format!("{}  {what}", at(t_s)));
         }
         session.take_log();
         self.screen.silent_s = session.silent_s();
@@ -174,7 +176,7 @@ impl View {
             }
             Typed::Keys(keys, pasted) => {
                 if pasted {
-                    self.screen.say(format!("{:8.2} s  pasted text is ignored", session.now_s()));
+                    self.screen.say(format!("{}  pasted text is ignored", at(session.now_s())));
                 }
                 keys.into_iter().try_for_each(|key| {
                     let order = self.keys.press(key, session.now_s(), self.screen.from_m());
@@ -187,13 +189,13 @@ impl View {
     fn obey(&mut self, order: Order, session: &mut Session) -> Result<(), Failure> {
         match order {
             Order::Quit => return self.leave(session),
-            Order::Say(text) => self.screen.say(format!("{:8.2} s  {text}", session.now_s())),
+            Order::Say(text) => self.screen.say(format!("{}  {text}", at(session.now_s()))),
             // On the way out nothing moves any more.
             Order::Send(request) if self.leaving.is_none() || request == Request::Stop => {
                 self.ordered = true;
                 session.post(&request)?;
                 let what = text(&request).unwrap_or_default();
-                self.screen.say(format!("{:8.2} s  you: {what}", session.now_s()));
+                self.screen.say(format!("{}  you: {what}", at(session.now_s())));
             }
             Order::Send(_) => {}
         }
@@ -204,7 +206,7 @@ impl View {
         // A motion that was ordered just now is not in the telemetry yet.
         if self.leaving.is_none() && (self.ordered || !still(session)) {
             session.post(&Request::Stop)?;
-            self.screen.say(format!("{:8.2} s  stopping the motion before leaving", session.now_s()));
+            self.screen.say(format!("{}  stopping the motion before leaving", at(session.now_s())));
         }
         self.leaving.get_or_insert(session.now_s());
         Ok(())

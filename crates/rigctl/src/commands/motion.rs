@@ -8,6 +8,7 @@ use crate::output::Output;
 use crate::request::load_choice;
 use crate::session::{Session, Wanted, homing, motion, stream};
 use crate::trajectory::Trajectory;
+use crate::units::{MM, N, PERCENT, RAD_PER_MM, S, TURNS, UM};
 use clap::Args;
 use rig_link::{LoadChoice, Request};
 use std::path::PathBuf;
@@ -44,7 +45,7 @@ impl Home {
 /// Example: `rigctl move --to 8mm --speed 2mm/s`
 #[derive(Debug, Args)]
 pub struct Move {
-    /// Target position (m, mm, um)
+    /// Target position (m, mm, µm)
     #[arg(long, value_name = "P", allow_hyphen_values = true, value_parser = target)]
     pub(super) to: f64,
     /// Speed of the load (m/s, mm/s), or `max`: as fast as the motor allows under this load
@@ -73,19 +74,24 @@ impl Move {
         let mut session = connect_homed(global, self.load, output)?;
         let r = motion::move_to(&mut session, self.to, self.speed, self.load, |_| {})?;
         output.object(&r)?;
-        output.line(format!("target        {:9.4} mm", r.target_m * 1e3))?;
-        let position_error = r.position_error_m.map_or(String::new(), |e| format!(" ± {:.4} mm", e * 1e3));
-        let (position_mm, error_um) = (r.position_m * 1e3, r.error_m * 1e6);
-        output.line(format!("measured      {position_mm:9.4} mm{position_error}   error {error_um:+.1} um"))?;
-        if let Some(error) = r.true_error_m {
-            output.line(format!("true (emulated rig)         error {:+.1} um", error * 1e6))?;
-        }
-        let load_error = r.load_error_n.map_or(String::new(), |e| format!(" ± {e:.3} N"));
-        output.line(format!("load          {:9.3} N{load_error}", r.load_n))?;
-        let [start, end] = [r.tr_start_rad_per_m, r.tr_end_rad_per_m].map(|tr| tr * 1e-3);
-        output.line(format!("TR            {start:9.3} -> {end:.3} rad/mm"))?;
-        output.line(format!("turns         {:9.3}", r.turns))?;
-        Ok(output.line(format!("time          {:9.2} s", r.duration_s))?)
+        let lines = [
+            ("target", MM.exact(r.target_m)),
+            ("measured", MM.within(r.position_m, r.position_error_m)),
+            ("error", UM.within(r.error_m, r.position_error_m)),
+            ("true error", r.true_error_m.map_or(String::new(), |m| UM.rounded(m, r.position_error_m) + " (emulated)")),
+            ("load", N.within(r.load_n, r.load_error_n)),
+            (
+                "TR",
+                format!(
+                    "{} to {}",
+                    RAD_PER_MM.number(r.tr_start_rad_per_m, None::<f64>),
+                    RAD_PER_MM.show(r.tr_end_rad_per_m)
+                ),
+            ),
+            ("strings", TURNS.show(r.turns)),
+            ("time", S.show(r.duration_s)),
+        ];
+        Ok(output.named(lines)?)
     }
 }
 
@@ -122,16 +128,18 @@ impl Track {
         let mut session = connect_homed(global, LoadChoice::Auto, output)?;
         let r = stream::track(&mut session, &trajectory, |_| {})?;
         output.object(&r)?;
-        output.line(format!("trajectory    {:9.2} s", r.duration_s))?;
-        let [rms_um, max_um] = [r.following_rms_m, r.following_most_m].map(|m| m * 1e6);
-        output.line(format!("followed      {rms_um:9.1} um rms, {max_um:.1} um at most (measured)"))?;
-        if let Some(true_rms_m) = r.true_following_rms_m {
-            output.line(format!("true (emulated rig)    {:9.1} um rms", true_rms_m * 1e6))?;
-        }
-        if r.held_back_share > 0.0 {
-            output.line(format!("limit         motor-speed on {:.0} % of the way", r.held_back_share * 100.0))?;
-        }
-        Ok(output.line(format!("at rest       {:+9.1} um from its end", r.error_m * 1e6))?)
+        let limit = || format!("motor-speed on {} of the way", PERCENT.show(r.held_back_share));
+        let lines = [
+            ("trajectory", S.show(r.duration_s)),
+            (
+                "error",
+                format!("{} rms, {} at most (measured)", UM.show(r.following_rms_m), UM.show(r.following_most_m)),
+            ),
+            ("true error", r.true_following_rms_m.map_or(String::new(), |m| UM.show(m) + " rms (emulated)")),
+            ("limit", (r.held_back_share > 0.0).then(limit).unwrap_or_default()),
+            ("at rest", UM.show(r.error_m) + " from its end"),
+        ];
+        Ok(output.named(lines)?)
     }
 }
 
@@ -155,7 +163,7 @@ impl Jog {
     /// The board's refusal or failure in words.
     pub fn run(&self, global: &Global, output: &mut Output) -> Result<(), Failure> {
         if !(0.0..=600.0).contains(&self.seconds) {
-            return Err(Failure::Usage(format!("--seconds {}: must be from 0 to 600", self.seconds)));
+            return Err(Failure::Usage(format!("--seconds {}: must be from 0 to 600", S.exact(self.seconds))));
         }
         let mut session = global.target()?.connect(Wanted::OfScene)?;
         motion::jog(&mut session, self.speed, self.seconds)?;

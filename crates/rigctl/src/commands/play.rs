@@ -6,10 +6,12 @@ use crate::log::write::event;
 use crate::options::Global;
 use crate::options::values::seconds;
 use crate::output::Output;
+use crate::output::at;
 use crate::play::{check_refused, play};
 use crate::script::Script;
 use crate::session::sim::SimOptions;
 use crate::session::{Session, Wanted};
+use crate::units::{NUMBER, PERCENT, S};
 use clap::Args;
 use rig_link::SettingsReport;
 use serde_json::json;
@@ -50,7 +52,7 @@ impl Play {
         let script = match self.file.as_ref().or(self.script.as_ref()) {
             Some(path) => Script::load(path)?.0,
             None if seconds > 0.0 && seconds.is_finite() => Script::idle(seconds),
-            None => return Err(Failure::Usage(format!("--seconds {seconds}: must be above 0"))),
+            None => return Err(Failure::Usage(format!("--seconds {seconds}: must be above 0 s"))),
         };
         let (target, _flash) = global.target()?.with_its_table()?;
         // On an emulated board the script's time is the time since its start.
@@ -86,13 +88,13 @@ impl Printer {
             }
         }
         for (t_s, kind) in session.take_events() {
-            output.line(format!("{t_s:8.2} s  event {}", event(&kind)))?;
+            output.line(format!("{}  event {}", at(t_s), event(&kind)))?;
         }
         // They are unknown between a start of the board and its first report.
         let known = session.known_settings().copied();
         if let (true, Some(report)) = (known != self.settings, known) {
             let values = board_settings::all(&report.values);
-            output.line(format!("{:8.2} s  settings {values} {}", session.now_s(), report.kept))?;
+            output.line(format!("{}  settings {values} {}", at(session.now_s()), report.kept))?;
         }
         self.settings = known;
         for line in session.take_log() {
@@ -120,11 +122,13 @@ fn summary(session: &mut Session, wall_s: f64, options: &SimOptions, output: &mu
         "stack_high_water_bytes": stats.stack_high_water_bytes,
     }}))?;
     output.line(format!(
-        "{emulated_s:.2} s emulated in {wall_s:.2} s; control tick {:.0} instructions mean, {:.0} at most; core busy {:.2} %; \
+        "{} emulated in {}; control tick {} instructions mean, {} at most; core busy {}; \
          stack {} bytes; {options}; the plant by the {} model, the cheapest that the scene needs",
-        stats.instructions_per_tick_mean,
-        stats.instructions_per_tick_max,
-        stats.core_busy * 100.0,
+        S.show(emulated_s),
+        S.show(wall_s),
+        NUMBER.exact(stats.instructions_per_tick_mean.round()),
+        NUMBER.exact(stats.instructions_per_tick_max),
+        PERCENT.show(stats.core_busy),
         stats.stack_high_water_bytes,
         stats.plant_tier,
     ))?;

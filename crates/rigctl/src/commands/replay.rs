@@ -5,6 +5,7 @@ use crate::log::Log;
 use crate::options::Global;
 use crate::output::Output;
 use crate::replay::replay;
+use crate::units::{MS, N, NUMBER, RAD_PER_S, S, UM};
 use clap::Args;
 use serde_json::json;
 use std::path::PathBuf;
@@ -57,25 +58,31 @@ pub fn run(global: &Global, options: &Replay, output: &mut Output) -> Result<(),
     output.object(&json!({"file": name.to_string(), "same_table": same_table, "stretches": stretches}))?;
     for s in &stretches {
         output.line(format!(
-            "{:.2} to {:.2} s: {} ticks ({} of them filled in), ended by {}",
-            s.from_s, s.to_s, s.ticks, s.filled, s.ended_by
+            "{} to {}: {} ticks ({} of them filled in), ended by {}",
+            S.show(s.from_s),
+            S.show(s.to_s),
+            s.ticks,
+            s.filled,
+            s.ended_by
         ))?;
-        output.line(format!("  found from the log: drive {:.0} ms behind", s.drive_lag_s * 1e3))?;
-        for (what, d, factor, unit) in [
-            ("load estimate", s.load_n, 1.0, "N"),
-            ("its error", s.load_error_n, 1.0, "N"),
-            ("position error", s.position_error_m, 1e6, "um"),
-            ("set-point", s.setpoint_m, 1e6, "um"),
-            ("twist speed", s.twist_speed_rad_per_s, 1.0, "rad/s"),
+        output.line(format!("  found from the log: drive {} behind", MS.exact(s.drive_lag_s)))?;
+        for (what, d, unit) in [
+            ("load estimate", s.load_n, N),
+            ("its error", s.load_error_n, N),
+            ("position error", s.position_error_m, UM),
+            ("set-point", s.setpoint_m, UM),
+            ("twist speed", s.twist_speed_rad_per_s, RAD_PER_S),
         ] {
-            let (largest, rms) = (d.largest * factor, d.rms * factor);
-            output.line(format!("  {what:<14} differs by {largest:.4} {unit} at most, {rms:.4} {unit} rms"))?;
+            let (largest, rms) = (unit.show(d.largest), unit.show(d.rms));
+            output.line(format!("  {what:<14} differs by {largest} at most, {rms} rms"))?;
         }
         output.line(match &s.parted {
-            None => "  they never part".to_owned(),
+            None => "  no divergence".to_owned(),
             Some(p) => {
-                let both = p.values.map_or(String::new(), |[a, b]| format!(": recorded {a:.6}, replayed {b:.6}"));
-                format!("  they part at {:.2} s by {}{both}", p.t_s, p.what)
+                let both = p.values.map_or(String::new(), |[a, b]| {
+                    format!(": recorded {}, replayed {}", NUMBER.show(a), NUMBER.show(b))
+                });
+                format!("  divergence from {} by {}{both}", S.show(p.t_s), p.what)
             }
         })?;
     }

@@ -5,11 +5,14 @@ use crate::failure::Failure;
 use crate::options::Global;
 use crate::options::values::{AUTO, METHODS, methods, tiers, tolerance};
 use crate::output::Output;
+use crate::units::{MM, N, NUMBER, PERCENT, RAD, RAD_PER_MM, UM};
 use clap::Args;
 use rig_config::Scene;
 use serde::Serialize;
 use tsa_model::{Equilibrium, Mechanism, PRETWIST_RAD, SolveError, Tier, TierError, twist_from_turns};
 
+/// Lengths are shown to a tenth of a micrometre: the model is exact, and who wants more digits takes `--json`.
+pub(super) const EXACT_M: f64 = 1e-6;
 /// At zero twist the gap has its maximum: no motion of the load for a small turn.
 const TR_INFINITE: &str = "tr-infinite";
 
@@ -213,13 +216,13 @@ pub fn answer(at: &At, scene: &Scene, way: Way<'_>, output: &mut Output) -> Resu
         );
         let line = |s: &Solution| {
             format!(
-                "{:>10.4} {:>8.3} {:>12.6} {:>14.5} {:>12.5} {:>12} {:>14}  {}",
-                s.load_n,
-                s.turns,
-                s.alpha_rad,
-                s.contraction_m * 1e3,
-                s.load_sag_m * 1e3,
-                per_mm(s.tr_rad_per_m),
+                "{:>10} {:>8} {:>12} {:>14} {:>12} {:>12} {:>14}  {}",
+                NUMBER.exact(s.load_n),
+                NUMBER.exact(s.turns),
+                RAD.number(s.alpha_rad, EXACT_M),
+                MM.number(s.contraction_m, EXACT_M),
+                MM.number(s.load_sag_m, EXACT_M),
+                RAD_PER_MM.number(tr(s), None::<f64>),
                 s.tier,
                 s.warnings.join(", ")
             )
@@ -232,23 +235,22 @@ pub fn answer(at: &At, scene: &Scene, way: Way<'_>, output: &mut Output) -> Resu
     };
     let s = solve(&mechanism, way, Query { load_n, turns })?;
     output.object(&s)?;
-    for (name, value, unit) in [
-        ("load", format!("{:.4}", s.load_n), "N"),
-        ("turns", format!("{:.4}", s.turns), "past the half-turn pre-twist"),
-        ("helix angle", format!("{:.6}", s.alpha_rad), "rad"),
-        ("X, attachments", format!("{:.5}", s.x_m * 1e3), "mm"),
-        ("D, rod tips", format!("{:.5}", s.d_m * 1e3), "mm"),
-        ("rod deflection", format!("{:.5}", s.w_m * 1e3), "mm"),
-        ("string radius", format!("{:.5}", s.r_m * 1e3), "mm"),
-        ("string tension", format!("{:.4}", s.tension_n), "N"),
-        ("bending strain", format!("{:.4}", s.bending_strain * 1e2), "%"),
-        ("contraction", format!("{:.5}", s.contraction_m * 1e3), "mm"),
-        ("sag under load", format!("{:.5}", s.load_sag_m * 1e3), "mm"),
-        ("TR", per_mm(s.tr_rad_per_m), "rad/mm"),
-        ("warnings", s.warnings.join(", "), ""),
-    ] {
-        output.line(format!("{name:<15} {value:>12} {unit}").trim_end())?;
-    }
+    let mm = |m: f64| MM.rounded(m, EXACT_M);
+    output.named([
+        ("load", N.exact(s.load_n)),
+        ("turns", NUMBER.exact(s.turns) + " past the half-turn pre-twist"),
+        ("helix angle", RAD.show(s.alpha_rad)),
+        ("X, attachments", mm(s.x_m)),
+        ("D, rod tips", mm(s.d_m)),
+        ("rod deflection", mm(s.w_m)),
+        ("string radius", mm(s.r_m)),
+        ("string tension", N.show(s.tension_n)),
+        ("bending strain", PERCENT.show(s.bending_strain)),
+        ("contraction", mm(s.contraction_m)),
+        ("sag under load", mm(s.load_sag_m)),
+        ("TR", RAD_PER_MM.show(tr(&s))),
+        ("warnings", s.warnings.join(", ")),
+    ])?;
     output.line(why(way, &s))?;
     Ok(())
 }
@@ -256,22 +258,22 @@ pub fn answer(at: &At, scene: &Scene, way: Way<'_>, output: &mut Output) -> Resu
 /// Which method and tier, and why, in a sentence.
 fn why(way: Way<'_>, s: &Solution) -> String {
     let Effort { iterations, evaluations, residual } = s.effort;
-    let spent = format!("{iterations} iterations, {evaluations} evaluations, residual {residual:.1e}");
+    let spent = format!("{iterations} iterations, {evaluations} evaluations, residual {}", NUMBER.show(residual));
     let TierError { contraction_m, tr_relative } = s.tier_error;
-    let own = format!("its own estimate: {:.3} µm, TR {:.4} %", contraction_m * 1e6, tr_relative * 1e2);
+    let own = format!("its own estimate: {}, TR {}", UM.error(contraction_m), PERCENT.error(tr_relative));
     match way {
         Way::By(..) => format!("full model by {}: {spent}", s.method),
         Way::At(_) => format!("tier {} ({own}): {spent}", s.tier),
         Way::Within(wanted) => format!(
-            "tier {}, the cheapest within {:.3} µm and TR {:.4} % ({own}): {spent}",
+            "tier {}, the cheapest within {} and TR {} ({own}): {spent}",
             s.tier,
-            wanted.contraction_m * 1e6,
-            wanted.tr_relative * 1e2
+            UM.exact(wanted.contraction_m),
+            PERCENT.exact(wanted.tr_relative)
         ),
     }
 }
 
-/// TR in rad/mm for people.
-fn per_mm(tr_rad_per_m: Option<f64>) -> String {
-    tr_rad_per_m.map_or("infinite".into(), |tr| format!("{:.5}", tr * 1e-3))
+/// TR (rad/m), infinite at zero twist.
+fn tr(s: &Solution) -> f64 {
+    s.tr_rad_per_m.unwrap_or(f64::INFINITY)
 }

@@ -2,11 +2,14 @@
 
 use crate::board_settings;
 use crate::failure::Failure;
+use crate::lvdt_points::GAP_M;
 use crate::options::Global;
 use crate::options::values::seconds;
 use crate::output::Output;
+use crate::output::at;
 use crate::output::decimal;
 use crate::session::Wanted;
+use crate::units::{HZ, MM, N, NUMBER, PERCENT, RAD, S, TURNS, UM, Unit, V};
 use clap::Args;
 use serde_json::{Value, json};
 
@@ -79,29 +82,30 @@ pub fn run(global: &Global, output: &mut Output) -> Result<(), Failure> {
         id.version, id.git, id.protocol_hash, id.scene_hash, id.reset_cause
     ))?;
     output.line(format!(
-        "table    {}, {} bytes, {}: contraction within {:.2} um, TR within {:.3} % for {} to {} N, {} to {:.1} turns",
+        "table    {}, {} bytes, {}: contraction within {}, TR within {} for {} to {}, {} to {}",
         id.table.form,
         id.table.bytes,
         if id.table.sent { "sent by the host" } else { "built in" },
-        id.table.contraction_error_m * 1e6,
-        id.table.tr_relative_error * 100.0,
-        id.table.load_min_n,
-        id.table.load_max_n,
-        id.table.turns_min,
-        id.table.turns_max
+        UM.error(id.table.contraction_error_m),
+        PERCENT.error(id.table.tr_relative_error),
+        NUMBER.exact(id.table.load_min_n),
+        N.exact(id.table.load_max_n),
+        NUMBER.exact(id.table.turns_min),
+        TURNS.exact(id.table.turns_max)
     ))?;
     output.line(format!(
         "link     {} damaged frames at the board, {} here; {} foreign frames on the bus",
         counters.link_errors, damaged, counters.foreign_frames
     ))?;
     output.line(format!(
-        "         telemetry at {telemetry_hz:.0} Hz; {lost} frames lost on the way, {} never sent",
+        "         telemetry at {}; {lost} frames lost on the way, {} never sent",
+        HZ.exact(telemetry_hz),
         counters.unsent
     ))?;
-    output.line(format!("tick     {} late, the longest took {} us", counters.late_ticks, counters.longest_tick_us))?;
+    output.line(format!("tick     {} late, the longest took {} µs", counters.late_ticks, counters.longest_tick_us))?;
     output.line(format!("sensors  {}", words(&sensors)))?;
     if let Some(tolerance_m) = sensors.rest_tolerance_m {
-        output.line(format!("at rest  an error below {:.0} um is left alone", tolerance_m * 1e6))?;
+        output.line(format!("at rest  an error below {} is within the dead band", UM.error(tolerance_m)))?;
     }
     board_settings::summary(&settings).iter().try_for_each(|line| output.line(line))?;
     if let Some(text) = &id.last_panic {
@@ -130,7 +134,7 @@ impl Sensors {
     /// If nobody answers.
     pub fn run(&self, global: &Global, output: &mut Output) -> Result<(), Failure> {
         if !(0.0..=86_400.0).contains(&self.seconds) {
-            return Err(Failure::Usage(format!("--seconds {}: must be from 0 to 86400", self.seconds)));
+            return Err(Failure::Usage(format!("--seconds {}: must be from 0 to 86400 s", S.exact(self.seconds))));
         }
         let mut session = global.target()?.connect(Wanted::Any)?;
         if global.is_emulated() {
@@ -143,7 +147,7 @@ impl Sensors {
             let mut object = reading(&sensors);
             object["t_s"] = json!(t_s);
             output.object(&object)?;
-            output.line(format!("{t_s:8.2} s  {}", words(&sensors)))?;
+            output.line(format!("{}  {}", at(t_s), words(&sensors)))?;
             output.flush()?;
             if session.now_s() + READING_S > end_s {
                 return Ok(());
@@ -167,17 +171,15 @@ fn reading(s: &rig_link::Sensors) -> Value {
 }
 
 fn words(s: &rig_link::Sensors) -> String {
-    let number = |value: Option<f32>, factor: f32, digits: usize, unit: &str| {
-        value.map_or("not read".to_owned(), |v| format!("{:.digits$} {unit}", v * factor))
-    };
+    let read = |value: Option<f32>, unit: Unit| value.map_or("not read".to_owned(), |v| unit.show(v));
     let contact = |open: bool| if open { "OPEN" } else { "closed" };
     format!(
-        "gap {}, strings turned {:+.3} rad by the encoder, {} by the drive, supply {}; emergency stop {}, upper limit {}, \
+        "gap {}, strings turned {} by the encoder, {} by the drive, supply {}; emergency stop {}, upper limit {}, \
          lower limit {}",
-        number(s.gap_m, 1e3, 3, "mm"),
-        s.shaft_rad,
-        number(s.drive_rad, 1.0, 3, "rad"),
-        number(s.supply_v, 1.0, 1, "V"),
+        s.gap_m.map_or("not read".to_owned(), |m| MM.rounded(m, GAP_M)),
+        RAD.show(s.shaft_rad),
+        read(s.drive_rad, RAD),
+        read(s.supply_v, V),
         contact(s.estop_open),
         contact(s.upper_limit_open),
         contact(s.lower_limit_open),

@@ -7,6 +7,7 @@ use crate::options::values::{load, turns, twist_speed};
 use crate::out_file::OutFile;
 use crate::output::Output;
 use crate::session::{Place, STEP_S, Session, Wanted, homing, motion};
+use crate::units::{MM, N, RAD_PER_S, TURNS, TURNS_OF_RAD, UM};
 use clap::Args;
 use rig_control::hysteresis::MEMORY_COMPLETE_N;
 use rig_control::supervisor::JOG_SPEED_MAX;
@@ -53,14 +54,18 @@ pub fn run(global: &Global, options: &Sweep, output: &mut Output) -> Result<(), 
     let (load_n, turns, speed) = (options.load, options.turns, options.speed);
     let max = f64::from(JOG_SPEED_MAX);
     if !(speed > 0.0 && speed <= max) {
-        return Err(Failure::failed(format!("--speed {speed} rad/s: must be above 0 and at most {max} rad/s")));
+        return Err(Failure::failed(format!(
+            "--speed {}: must be above 0 and at most {}",
+            RAD_PER_S.exact(speed),
+            RAD_PER_S.exact(max)
+        )));
     }
     let mut target = global.target()?;
     let min_n = load_n + f64::from(MEMORY_COMPLETE_N);
     if let Some(after_n) = options.after.filter(|after_n| *after_n < min_n) {
-        let why =
-            format!("must be at least {min_n} N: what rods remember shows in full {MEMORY_COMPLETE_N} N below it");
-        return Err(Failure::failed(format!("--after {after_n} N: {why}")));
+        let [after, min, below] = [after_n, min_n, min_n - load_n].map(|load_n| N.exact(load_n));
+        let why = format!("must be at least {min}: the rods' hysteresis shows in full {below} below it");
+        return Err(Failure::failed(format!("--after {after}: {why}")));
     }
     // On an emulated rig this load is hung, unless --plant names another.
     let hangs = |load_n| PlantChange { key: PlantKey::Load, value: load_n };
@@ -75,13 +80,14 @@ pub fn run(global: &Global, options: &Sweep, output: &mut Output) -> Result<(), 
     let mut session = target.connect(Wanted::OfScene)?;
     let table = session.require_identity()?.table.clone();
     for (name, value, unit, [min, max]) in [
-        ("--load", load_n, "N", [table.load_min_n, table.load_max_n]),
-        ("--after", options.after.unwrap_or(load_n), "N", [table.load_min_n, table.load_max_n]),
-        ("--turns", turns, "turns", [0.5, table.turns_max]),
+        ("--load", load_n, N, [table.load_min_n, table.load_max_n]),
+        ("--after", options.after.unwrap_or(load_n), N, [table.load_min_n, table.load_max_n]),
+        ("--turns", turns, TURNS, [0.5, table.turns_max]),
     ] {
         if !(f64::from(min)..=f64::from(max)).contains(&value) {
-            let limits = format!("must be from {min} to {max} {unit}, what the board's table covers");
-            return Err(Failure::failed(format!("{name} {value} {unit}: {limits}")));
+            let [min, max, value] = [f64::from(min), f64::from(max), value].map(|value| unit.exact(value));
+            let limits = format!("must be from {min} to {max}, what the board's table covers");
+            return Err(Failure::failed(format!("{name} {value}: {limits}")));
         }
     }
     if let Some(after_n) = options.after.filter(|_| takes_off) {
@@ -120,11 +126,11 @@ pub fn run(global: &Global, options: &Sweep, output: &mut Output) -> Result<(), 
         "half_difference_m": friction_m,
     }))?;
     output.line(format!(
-        "{rows} rows, {} equilibria over {:.2} turns: contraction {:.3} mm, up and down {:.1} um either side of it",
+        "{rows} rows, {} equilibria over {}: contraction {}, up and down {} either side of it",
         stops.len(),
-        stops.last().map_or(0.0, |s| s.twist_rad / TAU) - stops.first().map_or(0.0, |s| s.twist_rad / TAU),
-        contraction_m * 1e3,
-        friction_m * 1e6
+        TURNS_OF_RAD.show(stops.last().map_or(0.0, |s| s.twist_rad) - stops.first().map_or(0.0, |s| s.twist_rad)),
+        MM.show(contraction_m),
+        UM.show(friction_m)
     ))?;
     output.line(format!("written: {} (`identify` reads it)", options.out.display()))?;
     Ok(())

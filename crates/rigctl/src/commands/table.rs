@@ -5,6 +5,7 @@ use crate::options::Global;
 use crate::output::Output;
 use crate::session::Wanted;
 use crate::session::table::{self, Sent};
+use crate::units::{PERCENT, UM};
 use clap::Args;
 use serde_json::json;
 use std::path::PathBuf;
@@ -40,10 +41,10 @@ pub fn send(global: &Global, output: &mut Output) -> Result<(), Failure> {
         "kept": kept,
     }))?;
     let lasts = if kept { "kept in flash" } else { "NOT kept: it is lost with the next reset" };
-    let (error_um, tr_percent) = (contraction_error_m * 1e6, tr_relative_error * 100.0);
     output.line(format!(
-        "table of {bytes} bytes sent: contraction within {error_um:.2} um, TR within {tr_percent:.3} %; {lasts}. Home again before \
-         the next move"
+        "table of {bytes} bytes sent: contraction within {}, TR within {}; {lasts}. Home again before the next move",
+        UM.error(contraction_error_m),
+        PERCENT.error(tr_relative_error)
     ))?;
     Ok(())
 }

@@ -3,6 +3,7 @@
 use super::{Check, check};
 use crate::board_settings;
 use crate::failure::Failure;
+use crate::units::{N, NUMBER, PERCENT, TURNS, UM};
 use rig_config::Scene;
 use rig_link::{Clock, Identity, PROTOCOL_HASH, ResetCause, SettingsReport};
 
@@ -63,23 +64,23 @@ pub fn checks(id: &Identity, scene: &Scene) -> Result<Vec<Check>, Failure> {
             "table",
             accurate && covers,
             format!(
-                "{}, {}: contraction within {:.2} um, TR within {:.3} %, {} to {} N, {} to {} turns",
+                "{}, {}: contraction within {}, TR within {}, {} to {}, {} to {}",
                 t.form,
                 if t.sent { "sent by the host" } else { "built in" },
-                f64::from(t.contraction_error_m) * 1e6,
-                f64::from(t.tr_relative_error) * 100.0,
-                t.load_min_n,
-                t.load_max_n,
-                t.turns_min,
-                t.turns_max
+                UM.error(t.contraction_error_m),
+                PERCENT.error(t.tr_relative_error),
+                NUMBER.exact(t.load_min_n),
+                N.exact(t.load_max_n),
+                NUMBER.exact(t.turns_min),
+                TURNS.exact(t.turns_max)
             ),
             format!(
-                "the scene asks for {:.2} um and {:.3} % over {} to {} N and {} turns: build and flash for it",
-                accuracy.contraction_m * 1e6,
-                accuracy.tr_relative * 100.0,
-                envelope.load_n[0],
-                envelope.load_n[1],
-                turns[1]
+                "the scene asks for {} and {} over {} to {} and {}: build and flash for it",
+                UM.exact(accuracy.contraction_m),
+                PERCENT.exact(accuracy.tr_relative),
+                NUMBER.exact(envelope.load_n[0]),
+                N.exact(envelope.load_n[1]),
+                TURNS.exact(turns[1])
             ),
         ),
     ])

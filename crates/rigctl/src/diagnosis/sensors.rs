@@ -2,9 +2,11 @@
 
 use super::{Check, check};
 use crate::failure::Failure;
+use crate::lvdt_points::GAP_M;
 use crate::session::Session;
 use crate::session::row::Row;
 use crate::statistics::{Errors, mean};
+use crate::units::{MM, RAD, UM, V};
 use rig_config::Scene;
 use rig_link::{Fault, Faults, Identity, Request, Sensors, Setting, State, Telemetry};
 
@@ -74,11 +76,11 @@ pub fn lvdt(heard: &[Telemetry], id: &Identity, scene: &Scene, session: &mut Ses
         let (min, max) = (mechanism.solve(min_n, high)?.gap_m, mechanism.solve(max_n, low)?.gap_m);
         let inside = (min - GAP_OUTSIDE_M..=max + GAP_OUTSIDE_M).contains(&mean);
         let seen = format!(
-            "gap {:.3} mm (strings make {:.1} to {:.1} mm), noise {:.1} um rms; its position is judged on a homed rig (--home)",
-            mean * 1e3,
-            min * 1e3,
-            max * 1e3,
-            rms * 1e6
+            "gap {} (strings make {} to {}), noise {} rms; its position is judged on a homed actuator (--home)",
+            MM.rounded(mean, GAP_M),
+            MM.show(min),
+            MM.show(max),
+            UM.error(rms)
         );
         let advice =
             if inside { noisy } else { "measure the gap with callipers, then `calibrate lvdt`; is it the scene's?" };
@@ -88,7 +90,7 @@ pub fn lvdt(heard: &[Telemetry], id: &Identity, scene: &Scene, session: &mut Ses
     // The least load is lifted farthest.
     let travel_m = mechanism.solve(min_n, low)?.gap_m - mechanism.solve(min_n, high)?.gap_m;
     let inside = (-OUTSIDE_M..=travel_m + OUTSIDE_M).contains(&mean);
-    let seen = format!("at {:.3} mm of 0 to {:.1} mm, noise {:.1} um rms", mean * 1e3, travel_m * 1e3, rms * 1e6);
+    let seen = format!("at {} of 0 to {}, noise {} rms", MM.rounded(mean, GAP_M), MM.show(travel_m), UM.error(rms));
     let advice = if inside {
         noisy
     } else {
@@ -132,10 +134,10 @@ pub fn encoder(turned: Option<[f64; 2]>, last: &Telemetry, sensors: &Sensors) ->
     }
     let Some([own, motor]) = turned else {
         let seen =
-            format!("at {:+.3} rad, no fault; compared with the drive while it turns (--home)", sensors.shaft_rad);
+            format!("at {}, no fault; compared with the drive while it turns (--home)", RAD.show(sensors.shaft_rad));
         return check("encoder", true, seen, "");
     };
-    let seen = format!("turned {own:.3} rad by the encoder, {motor:.3} rad by the drive");
+    let seen = format!("turned {} by the encoder, {} by the drive", RAD.show(own), RAD.show(motor));
     check("encoder", own > 0.5 && (motor - own).abs() < TURN_FRACTION * own, seen, advice)
 }
 
@@ -143,7 +145,7 @@ pub fn encoder(turned: Option<[f64; 2]>, last: &Telemetry, sensors: &Sensors) ->
 pub fn supply(last: &Telemetry, scene: &Scene, sensors: &Sensors) -> Check {
     let [min, max] = scene.rig.supply_limits_v();
     let seen = match (scene.rig.supply_divider, sensors.supply_v) {
-        (Some(_), Some(volts)) => format!("{volts:.1} V, allowed {min:.1} to {max:.1} V"),
+        (Some(_), Some(volts)) => format!("{}, allowed {} to {}", V.show(volts), V.exact(min), V.exact(max)),
         (Some(_), None) => "not reported yet".to_owned(),
         (None, _) => "not wired by this scene (no supply_divider), so not watched".to_owned(),
     };

@@ -8,7 +8,8 @@ use super::data::{Data, Quantity};
 use super::hysteresis::slopes;
 use super::linear::Linear;
 use crate::statistics::{mean, median, rms};
-use std::f64::consts::TAU;
+use crate::units::{MM, N, TURNS_OF_RAD};
+use tsa_model::PRETWIST_RAD;
 
 /// The load on the way down hangs above that on the way up, by friction. So far below (m) it cannot, whatever the noise.
 const BELOW_M: f64 = 0.3e-3;
@@ -44,9 +45,9 @@ fn hangs_below(data: &Data, run: &[usize]) -> Option<String> {
     let (twist_rad, half_m) = worst.min_by(|a, b| a.1.total_cmp(&b.1))?;
     (half_m < -BELOW_M).then(|| {
         format!(
-            "at {:.1} turns the load hangs {:.2} mm lower on the way down than on the way up, and friction makes it hang higher",
-            twist_rad / TAU - 0.5,
-            -2e3 * half_m
+            "at {} the load hangs {} lower on the way down than on the way up, and friction makes it hang higher",
+            TURNS_OF_RAD.show(twist_rad - PRETWIST_RAD),
+            MM.show(-2.0 * half_m)
         )
     })
 }
@@ -84,10 +85,10 @@ fn steps(data: &Data, run: &[usize]) -> Option<String> {
         size_m > STEP_M.max(UNEVEN * usual_m) && beside(*k) < 0.5 * size_m
     };
     let found = (0..uneven.len()).filter(step).max_by(|a, b| uneven[*a].abs().total_cmp(&uneven[*b].abs()))?;
-    let turns = data.rows[run[found + 1]].twist_rad / TAU - 0.5;
     Some(format!(
-        "at {turns:.1} turns there is a step of {:.2} mm between neighbouring rows",
-        1e3 * uneven[found].abs()
+        "at {} there is a step of {} between neighbouring rows",
+        TURNS_OF_RAD.show(data.rows[run[found + 1]].twist_rad - PRETWIST_RAD),
+        MM.show(uneven[found].abs())
     ))
 }
 
@@ -115,11 +116,12 @@ pub fn apart(competition: &Competition) -> Option<String> {
     if CLEARER * left_m < missed_m && change.abs() > LOAD_FRACTION {
         let (file, load_n) = (data.file_of(row), data.rows[row].load_n);
         return Some(format!(
-            "sweep {file}: it fits the others with about {:.2} N instead of {load_n:.2} N ({:.2} instead of {:.2} mm rms): what \
-             hung there? Weigh it and record the sweep again, or leave it out",
-            load_n * change.exp(),
-            1e3 * left_m,
-            1e3 * missed_m
+            "sweep {file}: it fits the others with about {} instead of {} ({} instead of {} rms): what hung there? Weigh it \
+             and record the sweep again, or leave it out",
+            N.show(load_n * change.exp()),
+            N.show(load_n),
+            MM.show(left_m),
+            MM.show(missed_m)
         ));
     }
     // Without one sweep.
@@ -140,10 +142,10 @@ pub fn apart(competition: &Competition) -> Option<String> {
             _ => format!("sweep {}: the others fit each other and not this one", data.file_of(run[0])),
         };
         format!(
-            "{who} ({:.2} mm off; the rest is within {:.2} mm rms): is it of another rig, or was the LVDT or a string moved in \
+            "{who} ({} off; the rest is within {} rms): is it of another actuator, or was the LVDT or a string moved in \
              between? Leave it out or record it again",
-            1e3 * off_m,
-            1e3 * left_m
+            MM.show(off_m),
+            MM.show(left_m)
         )
     })
 }

@@ -10,6 +10,7 @@ use super::data::Data;
 use super::fit::Fit;
 use super::linear::Linear;
 use crate::statistics::{Noise, rms};
+use crate::units::UM;
 use nalgebra::{DMatrix, DVector};
 use rig_config::Scene;
 use serde::Serialize;
@@ -108,12 +109,10 @@ pub fn corrected(scene: &Scene, data: &Data, fit: &Fit, by_load_m: f64) -> Resul
     let mut candidates: Vec<([usize; 2], Vec<f64>)> = orders(data).into_iter().filter_map(of_order).collect();
     candidates.sort_by(|a, b| rms(&a.1).total_cmp(&rms(&b.1)));
     let (_, best) = candidates.first().ok_or_else(undetermined)?;
-    let um = |errors: &[f64]| rms(errors) * 1e6;
     let mut why = format!(
-        "the best one does not predict what is held out better than the law alone by more than chance ({:.1} um instead of \
-         {:.1} um)",
-        um(best),
-        um(&alone)
+        "the best one does not predict what is held out better than the law alone by more than chance ({} instead of {})",
+        UM.show(rms(best)),
+        UM.show(rms(&alone))
     );
     let helps = |errors: &[f64]| worse(&data.in_deviations(&alone), &data.in_deviations(errors), &data.runs());
     let errors = linear.without(&[]).ok_or_else(undetermined)?;

@@ -10,10 +10,11 @@ use crate::csv_text::{Table, no_number};
 use crate::failure::Failure;
 use crate::log::sweep::Sweep;
 use crate::log::{self, Log};
+use crate::units::{M, TURNS_OF_RAD};
 use rig_config::Scene;
 use std::ops::Range;
 use std::path::Path;
-use tsa_model::{Parameters, twist_from_turns};
+use tsa_model::{PRETWIST_RAD, Parameters, twist_from_turns};
 
 /// What a row measures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -134,7 +135,12 @@ impl Data {
                 let sigma = if table.has("sigma_m") { number("sigma_m")? } else { SIGMA_M };
                 let [min, max] = SIGMAS_M;
                 if !(min..=max).contains(&sigma) {
-                    return Err(format!("sigma_m {sigma} must be from {min} to {max} m"));
+                    return Err(format!(
+                        "sigma_m {} must be from {} to {}",
+                        M.exact(sigma),
+                        M.exact(min),
+                        M.exact(max)
+                    ));
                 }
                 let (load_n, turned) = (taut("load_n", number("load_n")?)?, number(twist)?);
                 let twist_rad = if twist == "turns" { twist_from_turns(turned) } else { turned };
@@ -160,7 +166,7 @@ impl Data {
         let before = self.rows.len();
         let zero = sweep.zero_gap_m.is_none().then_some(self.zeros);
         for stop in &sweep.stops {
-            let id = format!("{name} at {:.2} turns", stop.twist_rad / std::f64::consts::TAU - 0.5);
+            let id = format!("{name} at {}", TURNS_OF_RAD.show(stop.twist_rad - PRETWIST_RAD));
             // Up is where the gap is smaller.
             let value = sweep.zero_gap_m.unwrap_or(0.0) - stop.position_m;
             self.rows.push(Row {

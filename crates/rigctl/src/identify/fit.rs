@@ -4,6 +4,7 @@ use super::constants::{MAX, Number, Unknowns};
 use super::data::{Data, Quantity, Row};
 use super::hysteresis::{Loop, load_fraction, loops, slopes};
 use crate::statistics::{Errors, Noise, half_width};
+use crate::units::{NUMBER, PERCENT};
 use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
 use nalgebra::{DMatrix, DVector, Dyn, Owned};
 use serde::Serialize;
@@ -40,7 +41,7 @@ pub enum IdentifyError {
     #[error("{0}")]
     Apart(String),
     /// The optimiser did not end at a minimum.
-    #[error("the fit did not converge: {0}")]
+    #[error("the fit did not converge ({0}): begin from a nearer scene (--scene), or fit fewer constants (--fit)")]
     NotConverged(String),
 }
 
@@ -386,7 +387,7 @@ pub fn fit(unknowns: &Unknowns, start: &Parameters, data: &Data, shifts: &[f64])
     let count = unknowns.count();
     let weak: Vec<&str> = (0..count).filter(|k| error(*k) > WORST_STANDARD_ERROR).map(|k| labels[k].as_str()).collect();
     if !weak.is_empty() && !unknowns.expected {
-        let why = format!("standard errors above {:.0} %", 100.0 * WORST_STANDARD_ERROR);
+        let why = format!("standard errors above {}", PERCENT.exact(WORST_STANDARD_ERROR));
         return Err(IdentifyError::Undetermined { constants: weak.join(", "), why });
     }
     let x = problem.x.as_slice().to_vec();
@@ -468,8 +469,8 @@ fn determined(jacobian: &DMatrix<f64>, labels: &[String]) -> Result<(), Identify
             let largest = row.amax();
             let part = |j: usize| row[j].abs() > 0.1 * largest;
             let involved: Vec<&str> = (0..labels.len()).filter(|j| part(*j)).map(|j| labels[j].as_str()).collect();
-            let why =
-                format!("one combination of them is {:.0e} times weaker than the rest", strongest / s.max(1e-300));
+            let ratio = NUMBER.show(strongest / s.max(1e-300));
+            let why = format!("one combination of them is {ratio} times weaker than the rest");
             return Err(IdentifyError::Undetermined { constants: involved.join(", "), why });
         }
     }

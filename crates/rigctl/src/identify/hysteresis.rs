@@ -8,6 +8,7 @@ use super::fit::IdentifyError;
 use super::predict::Known;
 use crate::log::sweep::{Stop, Sweep};
 use crate::statistics::mean;
+use crate::units::N;
 use rig_control::hysteresis::{MEMORY_COMPLETE_N, memory_shape};
 use serde::Serialize;
 use tsa_model::Mechanism;
@@ -117,7 +118,10 @@ fn memory(data: &Data, slope: impl Fn(f64, f64) -> Option<f64>, name: &str, swee
     let min_n = load_n + f64::from(MEMORY_COMPLETE_N);
     if after_n < min_n {
         return Err(format!(
-            "{after_n:.2} N before {load_n:.2} N show too little of what the rods remember: at least {min_n:.2} N do"
+            "{} before {} shows too little of the rods' hysteresis: at least {} does",
+            N.show(after_n),
+            N.show(load_n),
+            N.show(min_n)
         ));
     }
     let same = |row: &&Row| row.zero.is_none() && (row.load_n / load_n - 1.0).abs() < SAME_LOAD;
@@ -134,8 +138,9 @@ fn memory(data: &Data, slope: impl Fn(f64, f64) -> Option<f64>, name: &str, swee
     let (fractions, left): (Vec<f64>, Vec<f64>) = stops.iter().filter_map(pair).unzip();
     if fractions.is_empty() {
         return Err(format!(
-            "what {after_n:.2} N have left in the rods shows beside a sweep of {load_n:.2} N before it: record one without \
-             --after"
+            "what {} has left in the rods shows next to a sweep of {} before it: record one without --after",
+            N.show(after_n),
+            N.show(load_n)
         ));
     }
     let half_width_90 = f64::from(rig_control::homing::NINETY_PERCENT) * mean(&left);

@@ -10,6 +10,7 @@ use super::hysteresis::load_fraction;
 use super::predict::{Known, variance};
 use super::{Identified, data::SIGMA_M};
 use crate::statistics::half_width;
+use crate::units::{MM, UM};
 use nalgebra::{DMatrix, DVector};
 use rig_config::Scene;
 use rig_control::hysteresis::MEMORY_COMPLETE_N;
@@ -123,12 +124,12 @@ pub fn plan(scene: &Scene, found: &Identified) -> Option<Plan> {
     let best_m = sweeps.first().map_or(now_m, |next| next.largest_half_width_m);
     let wanted_m = scene.accuracy.map_or(0.0, |accuracy| accuracy.contraction_m);
     let (enough, why) = if now_m <= wanted_m {
-        (true, format!("the scene asks for {:.1} um", 1e6 * wanted_m))
+        (true, format!("the scene asks for {}", UM.exact(wanted_m)))
     } else if best_m > (1.0 - WORTH) * now_m {
-        let floor = format!("{:.3} mm are what the law misses and ageing leave", 1e3 * floor_m);
-        (true, format!("the best further sweep leaves {:.3} mm; {floor}", 1e3 * best_m))
+        let floor = format!("{} is what the model's residual and ageing leave", MM.error(floor_m));
+        (true, format!("the best further sweep leaves {}; {floor}", MM.error(best_m)))
     } else {
-        (false, format!("the best further sweep leaves {:.3} mm", 1e3 * best_m))
+        (false, format!("the best further sweep leaves {}", MM.error(best_m)))
     };
     // The middle load of those that were swept, and the heaviest.
     let mut swept_n: Vec<f64> =

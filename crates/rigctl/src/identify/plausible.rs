@@ -2,6 +2,7 @@
 
 use super::data::{Data, Quantity, Row};
 use crate::statistics::{mean, rms};
+use crate::units::{MM, N, TURNS_OF_RAD};
 use rig_config::Scene;
 use rig_plant::units::STANDARD_GRAVITY as GRAVITY;
 use std::f64::consts::TAU;
@@ -72,8 +73,10 @@ fn too_long(rows: &[Row], string_length_m: f64) -> Option<String> {
     (apart > string_length_m).then(|| {
         let hint = if 1e-3 * apart <= string_length_m { ": is it in mm?" } else { "" };
         format!(
-            "{} changes by {apart:.4} m in the middle half of the rows, and the strings are {string_length_m} m long{hint}",
-            column(&rows[0])
+            "{} changes by {} in the middle half of the rows, and the strings are {} long{hint}",
+            column(&rows[0]),
+            MM.show(apart),
+            MM.exact(string_length_m)
         )
     })
 }
@@ -108,11 +111,11 @@ fn wrong_way(rows: &[Row]) -> Option<String> {
             _ => ("contraction_m", "falls", "a gap (gap_m)"),
         };
         Some(format!(
-            "{name} {does} by {:.3} mm while the strings are twisted by {:.1} turns under {} N, and twisting lifts the load: \
-             is its sign wrong, or is it {other}?",
-            falls_m * 1e3,
-            span_rad / TAU,
-            first.load_n
+            "{name} {does} by {} while the strings are twisted by {} under {}, and twisting lifts the load: is its sign \
+             wrong, or is it {other}?",
+            MM.show(falls_m),
+            TURNS_OF_RAD.show(span_rad),
+            N.exact(first.load_n)
         ))
     })
 }
@@ -146,9 +149,9 @@ fn likely(data: &Data, scene: &Scene) -> Vec<Hint> {
         (NEARER * other < as_is).then(|| Hint {
             reading: what,
             text: format!(
-                "sweep {name}: with {what} it comes within {:.2} mm of the scene, as it stands within {:.2} mm",
-                other * 1e3,
-                as_is * 1e3
+                "sweep {name}: with {what} it comes within {} of the scene, as it stands within {}",
+                MM.show(other),
+                MM.show(as_is)
             ),
         })
     });

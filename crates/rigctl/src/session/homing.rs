@@ -5,6 +5,7 @@ use super::motion::ended;
 use super::row::Row;
 use crate::failure::Failure;
 use crate::output::progress;
+use crate::units::{N, RAD, S};
 use rig_link::{EventKind, LoadChoice, Request};
 use serde::Serialize;
 
@@ -33,8 +34,11 @@ impl HomeResult {
     /// A line for people.
     pub fn text(&self) -> String {
         format!(
-            "homed in {:.1} s: load {:.3} N ± {:.3} N, friction {:.3} N, zero twist ± {:.4} rad",
-            self.duration_s, self.load_n, self.load_error_n, self.friction_n, self.zero_error_rad
+            "homed in {}: load {}, friction {}, zero twist ± {}",
+            S.show(self.duration_s),
+            N.within(self.load_n, self.load_error_n),
+            N.rounded(self.friction_n, self.load_error_n),
+            RAD.error(self.zero_error_rad)
         )
     }
 }

@@ -5,9 +5,10 @@ use super::link::STEP_S;
 use super::row::Row;
 use crate::failure::{Failure, HomingFailed};
 use crate::output::progress;
+use crate::units::{MM, TURNS_OF_RAD};
 use rig_link::{Accepted, EventKind, Fault, HomingFailure, LoadChoice, Request, StreamEnd};
 use serde::Serialize;
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::PI;
 
 /// Longest move beyond what distance and speed need (s).
 const MOVE_SLACK_S: f64 = 30.0;
@@ -154,7 +155,7 @@ pub fn move_to(
             if let Some(position) = row.position_m {
                 let fraction = (f64::from(position) - from_m).abs() / distance.max(1e-9);
                 bar.set_position((1000.0 * fraction.min(1.0)) as u64);
-                bar.set_message(format!("{:.3} mm", f64::from(position) * 1e3));
+                bar.set_message(MM.show(position));
             }
             each(&row);
         }
@@ -274,7 +275,7 @@ pub fn turn(
         each(session)?;
         let twist = session.telemetry().and_then(|t| t.twist_rad).map_or(from, f64::from);
         bar.set_position((1000.0 * ((twist - from) / (to - from)).clamp(0.0, 1.0)) as u64);
-        bar.set_message(format!("{:.2} turns", (twist - PI) / TAU));
+        bar.set_message(TURNS_OF_RAD.show(twist - PI));
         if !stopping && sign * (to - twist) < speed_rad_per_s * TURN_AHEAD_S {
             session.request(&Request::Stop)?;
             stopping = true;
@@ -285,5 +286,8 @@ pub fn turn(
             return Ok(());
         }
     }
-    Err(Failure::failed(format!("the strings did not reach {:.2} turns", (to - PI) / TAU)))
+    Err(Failure::failed(format!(
+        "the strings did not reach {}: is the load too heavy or stuck? See `rigctl status`",
+        TURNS_OF_RAD.show(to - PI)
+    )))
 }

@@ -1,6 +1,8 @@
 //! What passes between host and board. A line of telemetry is the board's report, and on an emulated rig the truth at the same
 //! time.
 
+use crate::output::at;
+use crate::units::{MM, N, RAD_PER_MM};
 use rig_link::{EventKind, Fault, HomingFailure, Limit, Request, State, Telemetry};
 use rig_plant::Truth;
 use serde::{Deserialize, Serialize};
@@ -105,19 +107,16 @@ impl Row {
 
     /// A line for people.
     pub fn text(&self) -> String {
-        let mm = |v: Option<f64>| v.map_or("      -".into(), |v| format!("{:7.3}", v * 1e3));
-        let error = |v: Option<f32>, factor: f32| v.map_or(String::new(), |v| format!(" ± {:.3}", v * factor));
+        let truth = self.true_position_m.map(|m| format!(" (true {})", MM.rounded(m, self.position_error_m)));
         format!(
-            "{:8.2} s  {:8} position {}{} mm (true {} mm)  set-point {} mm  load {}{} N  TR {} rad/mm{}{}{}",
-            self.t_s,
+            "{}  {:8} position {:>17}{}  set-point {:>9}  load {:>15}  TR {:>12}{}{}{}",
+            at(self.t_s),
             self.state,
-            mm(self.position_m.map(f64::from)),
-            error(self.position_error_m, 1e3),
-            mm(self.true_position_m),
-            mm(self.setpoint_m.map(f64::from)),
-            self.load_n.map_or("     -".into(), |v| format!("{v:6.3}")),
-            error(self.load_error_n, 1.0),
-            self.tr_rad_per_m.map_or("    -".into(), |v| format!("{:5.2}", v * 1e-3)),
+            MM.within(self.position_m, self.position_error_m),
+            truth.unwrap_or_default(),
+            MM.show(self.setpoint_m),
+            N.within(self.load_n, self.load_error_n),
+            RAD_PER_MM.show(self.tr_rad_per_m),
             self.faults.as_ref().map_or(String::new(), |f| format!("  FAULT {f}")),
             self.limit.map_or(String::new(), |l| format!("  limit {l}")),
             self.doubts.as_ref().map_or(String::new(), |d| format!("  doubt {d}")),

@@ -6,6 +6,7 @@ use crate::identify::Identified;
 use crate::identify::data::{Data, Quantity, Row};
 use crate::identify::predict::Prediction;
 use crate::plot::{Axis, Block, Figure, GREY, INK, Item, KeyRow, Panel, Pen, Sample, Shape, colour, extent};
+use crate::units::N;
 use rig_config::Scene;
 use std::f64::consts::TAU;
 use tsa_model::{PRETWIST_RAD, twist_from_turns};
@@ -49,7 +50,7 @@ pub fn figure(before: &Scene, data: &Data, found: &Identified) -> Result<String,
                 found.known.predict(load_n, turns(row)).contraction_m.map(|after_m| mark(measured_m - after_m)),
             );
         }
-        loads.push(KeyRow::line(Pen::solid(colour), format!("{load_n} N")));
+        loads.push(KeyRow::line(Pen::solid(colour), N.exact(load_n)));
     }
     let panel = |title: &str, items: Vec<Item>| {
         let y = Axis::linear("mm", extent(items.iter().flat_map(Item::points).map(|at| at.1)));

@@ -8,6 +8,7 @@ use crate::identify::fit::Fit;
 use crate::identify::plan::Plan;
 use crate::output::Output;
 use crate::statistics::Errors;
+use crate::units::{MM, N, NUMBER, PERCENT, TURNS, UM};
 use rig_config::Scene;
 
 /// The unit of the data's errors.
@@ -22,8 +23,8 @@ pub enum Unit {
 impl Unit {
     fn shown(self, error: f64) -> String {
         match self {
-            Self::Metres => format!("{:.2} um", error * 1e6),
-            Self::Relative => format!("{:.2} %", error * 1e2),
+            Self::Metres => UM.show(error),
+            Self::Relative => PERCENT.show(error),
         }
     }
 }
@@ -42,31 +43,31 @@ pub fn fit(fit: &Fit, fitted: &Scene, unit: Unit, output: &mut Output) -> Result
     }
     let s = &fitted.string;
     output.line(format!(
-        "constants, with half the width of the interval that holds the truth nine times in ten (of positive ones relative; the \
-         {} residuals count as {:.0} independent ones):",
-        fit.fitted.count, fit.effective_rows
+        "constants, with their 90 % uncertainty (the {} residuals count as {} independent ones):",
+        fit.fitted.count,
+        NUMBER.number(fit.effective_rows, 10.0)
     ))?;
     for e in &fit.estimates {
-        let value = match Constant::named(&e.name) {
-            Some(Constant::Modulus) => fit.base.stress_coefficients_pa[0] * e.unknown.exp(),
-            Some(_) => e.unknown.exp(),
-            None => e.unknown,
+        let (value, error) = match Constant::named(&e.name) {
+            Some(Constant::Modulus) => (fit.base.stress_coefficients_pa[0] * e.unknown.exp(), None),
+            Some(_) => (e.unknown.exp(), None),
+            None => (e.unknown, Some(e.half_width_90)),
         };
-        output.line(format!("  {:<18} {value:>14.6e}  +- {:.3} %", e.name, e.half_width_90 * 1e2))?;
+        output.line(format!("  {:<18} {}", e.name, NUMBER.within(value, error.unwrap_or(value * e.half_width_90))))?;
     }
     let curves = [Constant::OddCurve, Constant::Curve];
     if fit.unknowns.constants.iter().any(|c| curves.contains(c)) {
-        let a = fitted.material.stress_coefficients_pa.map(|a| format!("{a:.4e}")).join(", ");
+        let a = fitted.material.stress_coefficients_pa.map(|a| NUMBER.show(a)).join(", ");
         output.line(format!("  a1..a5 = {a} Pa: a tangent written as sums of squares is nowhere negative"))?;
     }
     output.line(match s.twist_exponent {
-        Some(p) => format!("  radius grows as (twist/pi)^p, p = {p:.4}"),
-        None if s.k4 > 0.0 => format!("  radius grows by eq. 6 and k4 ln(twist/pi), k4 = {:.4}", s.k4),
+        Some(p) => format!("  radius grows as (twist/pi)^p, p = {}", NUMBER.show(p)),
+        None if s.k4 > 0.0 => format!("  radius grows by eq. 6 and k4 ln(twist/pi), k4 = {}", NUMBER.show(s.k4)),
         None => "  radius grows by eq. 6".to_owned(),
     })?;
     output.line("correlations:")?;
     for (e, row) in fit.estimates.iter().zip(&fit.correlations) {
-        let cells: Vec<String> = row.iter().map(|c| format!("{c:>6.2}")).collect();
+        let cells: Vec<String> = row.iter().map(|c| format!("{:>6}", NUMBER.number(*c, 0.1))).collect();
         output.line(format!("  {:<18} {}", e.name, cells.join(" ")))?;
     }
     Ok(())
@@ -82,7 +83,7 @@ pub fn file(fit: &Fit, fitted: &Scene, source: &str, unit: Unit) -> Result<Strin
         text += &format!("# {line}\n");
     }
     for e in &fit.estimates {
-        text += &format!("# {}: +- {:.3} % (90 of 100 cases)\n", e.name, e.half_width_90 * 1e2);
+        text += &format!("# {}: ± {} (90 % uncertainty)\n", e.name, PERCENT.error(e.half_width_90));
     }
     Ok(text + "\n" + &toml::to_string(fitted).map_err(|e| Failure::failed(format!("scene: {e}")))?)
 }
@@ -99,9 +100,12 @@ pub fn table(before: &Scene, found: &Identified, output: &mut Output) -> Result<
         && before != after
     {
         output.line(format!(
-            "[envelope] begins at {} N and ends at {} turns, instead of {} N and {} turns: with these constants no table \
-             reaches the accuracy beyond",
-            after.load_n[0], after.turns[1], before.load_n[0], before.turns[1]
+            "[envelope] begins at {} and ends at {}, instead of {} and {}: with these constants no table reaches the accuracy \
+             beyond",
+            N.exact(after.load_n[0]),
+            TURNS.exact(after.turns[1]),
+            N.exact(before.load_n[0]),
+            TURNS.exact(before.turns[1])
         ))?;
     }
     Ok(())
@@ -109,7 +113,6 @@ pub fn table(before: &Scene, found: &Identified, output: &mut Output) -> Result<
 
 /// The competition, and what follows from it.
 pub fn judged(found: &Identified, output: &mut Output) -> Result<(), Failure> {
-    let um = |m: Option<f64>| m.map_or_else(|| "-".to_owned(), |m| format!("{:.1} um", m * 1e6));
     output.line("laws, each fitted to a part of the sweeps and predicting the rest:")?;
     output.line(format!(
         "  {:<16} {:<10} {:>9} {:>12} {:>12}",
@@ -122,7 +125,7 @@ pub fn judged(found: &Identified, output: &mut Output) -> Result<(), Failure> {
             Verdict::Worse => "worse",
             Verdict::Undetermined => "not determined by these sweeps",
         };
-        let (fitted, held_out) = (um(s.fitted_rms), um(s.held_out_rms));
+        let (fitted, held_out) = (UM.show(s.fitted_rms), UM.show(s.held_out_rms));
         output.line(format!(
             "  {:<16} {:<10} {:>9} {fitted:>12} {held_out:>12}  {verdict}",
             s.law, s.material, s.constants
@@ -130,50 +133,49 @@ pub fn judged(found: &Identified, output: &mut Output) -> Result<(), Failure> {
     }
     let m = &found.misfit;
     let explained = "sensor noise and friction in the mean of up and down explain";
-    let rms = format!("the law misses {:.1} um rms, {explained} {:.1} um", m.rms_m * 1e6, m.explained_m * 1e6);
+    let rms = format!("its residual is {} rms, {explained} {}", UM.show(m.rms_m), UM.show(m.explained_m));
     output.line(match m.holds {
         true => format!("the law holds: {rms}"),
         false => {
-            format!("no law holds: {rms}; {:.1} um are left (the best law is taken all the same)", m.excess_m * 1e6)
+            format!("no law holds, the best is taken: {rms}; {} is left", UM.show(m.excess_m))
         }
     })?;
     if let Some(c) = &found.correction {
         output.line(format!(
-            "corrected by {} terms in the load times {} in the twist: {:.1} um rms are left; of what is held out the law \
-             alone misses {:.1} um, the corrected one {:.1} um",
+            "corrected by {} terms in the load times {} in the twist: {} rms is left; of what is held out the law alone \
+             misses {}, the corrected one {}",
             c.order[0],
             c.order[1],
-            c.rms_m * 1e6,
-            c.held_out_without_m * 1e6,
-            c.held_out_m * 1e6
+            UM.show(c.rms_m),
+            UM.show(c.held_out_without_m),
+            UM.show(c.held_out_m)
         ))?;
     }
     found.uncorrected.iter().try_for_each(|why| output.line(format!("no correction: {why}")))?;
     for l in &found.fit.loops {
         output.line(format!(
-            "up and down lie {:.1} um either side of their mean at {:.2} N, as with {:.3} N of friction ({})",
-            l.half_width_m * 1e6,
-            l.load_n,
-            l.friction_n,
+            "up and down lie {} either side of their mean at {}, as with {} of friction ({})",
+            UM.show(l.half_width_m),
+            N.show(l.load_n),
+            N.show(l.friction_n),
             l.sweep
         ))?;
     }
     for m in &found.rod_memory {
         output.line(format!(
-            "after {:.2} N, {:.2} N seem {:+.1} +- {:.1} % heavier ({}): the rods remember",
-            m.after_n,
-            m.load_n,
-            m.fraction * 1e2,
-            m.half_width_90 * 1e2,
+            "after {}, {} seems heavier by {} ({}): the rods' hysteresis",
+            N.show(m.after_n),
+            N.show(m.load_n),
+            PERCENT.within(m.fraction, m.half_width_90),
             m.sweep
         ))?;
     }
     for p in &found.predictions {
         let value = match (p.contraction_m, p.half_width_m) {
-            (Some(c), Some(h)) => format!("{:.3} +- {:.3} mm (90 of 100 cases)", c * 1e3, h * 1e3),
+            (Some(c), Some(h)) => MM.within(c, h) + " (90 % uncertainty)",
             _ => "no equilibrium by this law".to_owned(),
         };
-        output.line(format!("contraction at {:.2} N and {} turns: {value}", p.load_n, p.turns))?;
+        output.line(format!("contraction at {} and {}: {value}", N.show(p.load_n), TURNS.exact(p.turns)))?;
     }
     Ok(())
 }
@@ -182,8 +184,10 @@ pub fn judged(found: &Identified, output: &mut Output) -> Result<(), Failure> {
 pub fn next(plan: &Plan, output: &mut Output) -> Result<(), Failure> {
     let [load_n, turns] = plan.at;
     output.line(format!(
-        "largest error of a predicted contraction: {:.3} mm at {load_n:.2} N and {turns} turns (90 of 100 cases)",
-        plan.largest_half_width_m * 1e3
+        "largest 90 % uncertainty of a predicted contraction: {} at {} and {}",
+        MM.error(plan.largest_half_width_m),
+        N.show(load_n),
+        TURNS.exact(turns)
     ))?;
     output.line(format!(
         "{}: {}",
@@ -192,15 +196,17 @@ pub fn next(plan: &Plan, output: &mut Output) -> Result<(), Failure> {
     ))?;
     for next in &plan.sweeps {
         output.line(format!(
-            "  sweep --load {:.2}N --turns {}: leaves {:.3} mm",
-            next.load_n,
-            next.turns,
-            next.largest_half_width_m * 1e3
+            "  sweep --load {}N --turns {}: leaves {}",
+            NUMBER.show(next.load_n),
+            NUMBER.exact(next.turns),
+            MM.error(next.largest_half_width_m)
         ))?;
     }
     if let Some([load_n, after_n]) = plan.memory {
         output.line(format!(
-            "what the rods remember of a heavier load is not measured; sweep --load {load_n:.2}N --after {after_n:.2}N tells it"
+            "the rods' hysteresis after a heavier load is not measured: sweep --load {}N --after {}N measures it",
+            NUMBER.show(load_n),
+            NUMBER.show(after_n)
         ))?;
     }
     Ok(())
