@@ -1,7 +1,7 @@
 //! Ranges from the operator: `D0=8mm..32mm:5`, `K=10..10000:4log`, `0..7.5`.
 
 use crate::scene_key;
-use rigctl::units::{self, NUMBER, Quantity};
+use rigctl::units::{self, Quantity};
 use std::str::FromStr;
 
 /// Maximum values of one study.
@@ -97,11 +97,7 @@ impl FromStr for TurnRange {
     fn from_str(text: &str) -> Result<Self, String> {
         let form = || format!("turns: `{text}` is not FROM..TO, for example 0..7.5");
         let [from, to] = limits_of("turns", Quantity::Turns, text).map_err(|e| e.unwrap_or_else(form))?;
-        if from < to {
-            Ok(Self { from, to })
-        } else {
-            Err(format!("turns: {} is not more than {}", NUMBER.exact(to), NUMBER.exact(from)))
-        }
+        if from < to { Ok(Self { from, to }) } else { Err(format!("turns: {to} is not more than {from}")) }
     }
 }
 

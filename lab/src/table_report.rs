@@ -8,7 +8,7 @@ use rigctl::options::Global;
 use rigctl::out_file::write_file;
 use rigctl::output::{Output, decimal};
 use rigctl::scene_file;
-use rigctl::units::{N, NM, NUMBER, PERCENT, TURNS_OF_RAD, UM};
+use rigctl::units::{N, NM, PERCENT, TURNS_OF_RAD, UM};
 use serde_json::{Value, json};
 use std::path::PathBuf;
 use table_forms::LoadMap;
@@ -172,8 +172,7 @@ impl<'a> TableReport<'a> {
             ("form", FORM.into()),
             ("size", table.numbers.size()),
             ("instructions", lookup_instructions(&table.numbers.series()).to_string()),
-            ("low", NUMBER.exact(m.load_min_n)),
-            ("high", N.exact(m.load_max_n)),
+            ("loads", N.range([m.load_min_n, m.load_max_n])),
             ("last", turns(m.twist_max_rad.into())),
             ("contraction", UM.error(e.contraction_max_m)),
             ("contraction rms", UM.error(e.contraction_rms_m)),

@@ -120,6 +120,11 @@ impl Unit {
         self.named(text.to_owned())
     }
 
+    /// Two exact values (SI) with one unit.
+    pub fn range(self, [low, high]: [impl Value; 2]) -> String {
+        format!("{} to {}", Unit("", self.1).exact(low), self.exact(high))
+    }
+
     fn named(self, number: String) -> String {
         format!("{number} {}", self.0).trim_end().to_owned()
     }

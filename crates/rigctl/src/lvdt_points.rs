@@ -101,8 +101,8 @@ pub fn curve(mut points: Vec<(usize, Point)>, rig: &Rig, gauge_error_m: f64) -> 
     let ends = [rig.lvdt_gap_at_zero_m, rig.lvdt_gap_at_zero_m + rig.lvdt_stroke_m];
     for (line, point) in &points {
         if !(ends[0]..=ends[1]).contains(&point.sensor_m) {
-            let [from, to, sensor] = [ends[0], ends[1], point.sensor_m].map(|m| MM.exact(m));
-            return Err(format!("line {line}: sensor_m {sensor} lies outside the sensor's stroke, {from} to {to}"));
+            let (sensor_m, stroke) = (point.sensor_m, MM.range(ends));
+            return Err(format!("line {line}: sensor_m {sensor_m} lies outside the sensor's stroke, {stroke}"));
         }
     }
     points.sort_by(|(_, a), (_, b)| a.sensor_m.total_cmp(&b.sensor_m));
@@ -168,10 +168,9 @@ pub fn words(curve: &LvdtCurve) -> String {
     let points = curve.points();
     let max_m = points.iter().map(|[_, correction_m]| correction_m.abs()).fold(0.0, f32::max);
     format!(
-        "{} of at most {LVDT_POINTS_MAX}, readings of {} to {}, corrected by up to {}",
+        "{} of at most {LVDT_POINTS_MAX}, readings of {}, corrected by up to {}",
         points.len(),
-        MM.show(points.first().map(|p| p[0])),
-        MM.show(points.last().map(|p| p[0])),
+        MM.range([points.first(), points.last()].map(|point| point.map(|p| p[0]))),
         UM.within(max_m, curve.error_m())
     )
 }

@@ -120,11 +120,7 @@ impl Script {
             }
             let t_s = units::parse("time", Quantity::Time, time).map_err(|e| fail(e.to_string()))?;
             if t_s < previous_s {
-                return Err(fail(format!(
-                    "time {} lies before {}: events must be in order",
-                    units::S.exact(t_s),
-                    units::S.exact(previous_s)
-                )));
+                return Err(fail(format!("time {t_s} s lies before {previous_s} s: events must be in order")));
             }
             previous_s = t_s;
             match event {

@@ -2,7 +2,6 @@
 
 use crate::csv_text::columns;
 use crate::failure::Failure;
-use crate::units::{M, MM_PER_S, NUMBER, S};
 use rig_link::Request;
 use std::path::Path;
 
@@ -63,11 +62,7 @@ impl Trajectory {
         }
         if let Some(pair) = points.windows(2).find(|pair| pair[1].1[0] <= pair[0].1[0]) {
             let (line, [t_s, ..]) = pair[1];
-            return Err(format!(
-                "line {line}: t_s {} is not later than {} in the line before",
-                NUMBER.exact(t_s),
-                NUMBER.exact(pair[0].1[0])
-            ));
+            return Err(format!("line {line}: t_s {t_s} is not later than {} in the line before", pair[0].1[0]));
         }
         let column = |k: usize| points.iter().map(|(_, row)| row[k]).collect::<Vec<f64>>();
         Self::new(&column(0), &column(1), has_speed.then(|| column(2)).as_deref())
@@ -106,19 +101,15 @@ impl Trajectory {
                 return Err(format!("point {k}: time, position and speed must be finite numbers"));
             }
             if !later {
-                return Err(format!("point {k}: its time, {}, is not later than the one before", S.exact(times_s[k])));
+                return Err(format!("point {k}: its time, {} s, is not later than the one before", times_s[k]));
             }
             for (name, value, max, unit) in [
-                ("time", p.t_s, LONGEST_S, S),
-                ("position", p.position_m, MAX_M, M),
-                ("speed", p.speed_m_per_s, MAX_M_PER_S, MM_PER_S),
+                ("time", p.t_s, LONGEST_S, "s"),
+                ("position", p.position_m, MAX_M, "m"),
+                ("speed", p.speed_m_per_s, MAX_M_PER_S, "m/s"),
             ] {
                 if value.abs() > max {
-                    return Err(format!(
-                        "point {k}: its {name} is {}, more than {}",
-                        unit.exact(value),
-                        unit.exact(max)
-                    ));
+                    return Err(format!("point {k}: its {name} is {value} {unit}, more than {max} {unit}"));
                 }
             }
         }

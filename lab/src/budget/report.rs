@@ -8,7 +8,7 @@ use rigctl::failure::Failure;
 use rigctl::options::Global;
 use rigctl::options::values::gauge_error;
 use rigctl::output::{Output, progress};
-use rigctl::units::{MM_PER_S, N, NUMBER, PERCENT, S, TURNS, UM, Unit};
+use rigctl::units::{MM_PER_S, N, PERCENT, S, TURNS, UM, Unit};
 use serde::Serialize;
 use std::path::Path;
 use tsa_table::fit::{Fit, FitError};
@@ -86,7 +86,7 @@ impl Arguments {
             let object = serde_json::json!({ "part": part, "position_m": position_m, "load_relative": load_relative });
             output.object(&object)?;
         }
-        let ([from_n, to_n], [from, to]) = scene.covered().map(|e| (e.load_n, e.turns))?;
+        let covered = scene.covered()?;
         let lvdt = match self.gauge {
             Some(gauge_m) => format!("calibrated at points with gauges of {}", UM.exact(gauge_m)),
             None => "not calibrated at points".into(),
@@ -94,11 +94,9 @@ impl Arguments {
         let file = global.scene.display();
         output.line(format!("error budget of {file} on an actuator that is {kind}: 90 % uncertainties"))?;
         output.line(format!(
-            "  {} to {}, {} to {}; moves at {}, {} after homing; LVDT {lvdt}",
-            NUMBER.exact(from_n),
-            N.exact(to_n),
-            NUMBER.exact(from),
-            TURNS.exact(to),
+            "  {}, {}; moves at {}, {} after homing; LVDT {lvdt}",
+            N.range(covered.load_n),
+            TURNS.range(covered.turns),
             MM_PER_S.exact(SPEED_M_PER_S),
             S.exact(SESSION_S)
         ))?;

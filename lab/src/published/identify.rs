@@ -10,6 +10,7 @@ use rigctl::identify::fit::fit;
 use rigctl::identify::laws::{K4, Law};
 use rigctl::options::Global;
 use rigctl::output::Output;
+use rigctl::units::PERCENT;
 use serde_json::{Value, json};
 use tsa_model::{Parameters, twist_from_turns};
 
@@ -44,11 +45,11 @@ pub fn run(global: &Global, options: &Identify, output: &mut Output) -> Result<(
     fitted.validate()?;
     for r in &fit.rows {
         let mark = if r.held_out { "held out" } else { "" };
-        let error = r.error.map_or_else(|| r.refused.clone().unwrap_or_default(), |e| format!("{:+.2} %", e * 1e2));
+        let error = r.error.map_or_else(|| r.refused.clone().unwrap_or_default(), |e| PERCENT.error(e));
         output.line(format!("{:<20} {error:>10}  {mark}", r.id).trim_end())?;
     }
-    print::fit(&fit, &fitted, print::Unit::Relative, output)?;
-    write(out, &print::file(&fit, &fitted, "the paper's numbers", print::Unit::Relative)?, output)?;
+    print::fit(&fit, &fitted, PERCENT, output)?;
+    write(out, &print::file(&fit, &fitted, "the paper's numbers", PERCENT)?, output)?;
     let mut report = serde_json::to_value(&fit)?;
     let more = [("error_unit", json!("relative")), ("scene", serde_json::to_value(&fitted)?), ("bad_rows", json!([]))];
     more.into_iter().for_each(|(key, value): (&str, Value)| report[key] = value);

@@ -2,12 +2,10 @@
 
 use crate::board_settings::{self, all};
 use crate::failure::Failure;
-use crate::lvdt_points::GAP_M;
-use crate::lvdt_points::{self, APART_M, Point, corrected, fit, uncalibrated};
+use crate::lvdt_points::{self, APART_M, GAP_M, Point, corrected, fit, uncalibrated};
 use crate::options::Global;
 use crate::options::values::{gap, gauge_error};
-use crate::output::Output;
-use crate::output::decimal;
+use crate::output::{Output, decimal};
 use crate::session::{Session, Wanted, homing};
 use crate::units::{MM, NUMBER};
 use clap::Subcommand;

@@ -54,7 +54,7 @@ pub fn run(global: &Global, Demo { out }: &Demo, output: &mut Output) -> Result<
         row("load", &|o| KG.exact(o.load_kg)),
         row("true load", &|o| N.show(o.load_true_n)),
         row("estimated load", &|o| N.within(o.travel.load_n, o.travel.load_error_n)),
-        row("its error", &|o| PERCENT.show(o.travel.load_n / o.load_true_n - 1.0)),
+        row("its error", &|o| PERCENT.error(o.travel.load_n / o.load_true_n - 1.0)),
         row("TR at the start", &|o| RAD_PER_MM.show(o.travel.tr_start_rad_per_m)),
         row("TR at the end", &|o| RAD_PER_MM.show(o.travel.tr_end_rad_per_m)),
         row("turns of the motor", &|o| NUMBER.show(o.motor_turns)),

@@ -5,8 +5,7 @@ use crate::failure::Failure;
 use crate::log::write::event;
 use crate::options::Global;
 use crate::options::values::seconds;
-use crate::output::Output;
-use crate::output::at;
+use crate::output::{Output, at};
 use crate::play::{check_refused, play};
 use crate::script::Script;
 use crate::session::sim::SimOptions;
@@ -52,7 +51,7 @@ impl Play {
         let script = match self.file.as_ref().or(self.script.as_ref()) {
             Some(path) => Script::load(path)?.0,
             None if seconds > 0.0 && seconds.is_finite() => Script::idle(seconds),
-            None => return Err(Failure::Usage(format!("--seconds {seconds}: must be above 0 s"))),
+            None => return Err(Failure::Usage(format!("--seconds {seconds}: must be above 0"))),
         };
         let (target, _flash) = global.target()?.with_its_table()?;
         // On an emulated board the script's time is the time since its start.

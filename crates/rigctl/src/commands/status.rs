@@ -1,15 +1,14 @@
 //! `status` and `sensors`: the board's identity, state and readings, homed or not.
 
 use crate::board_settings;
+use crate::diagnosis;
 use crate::failure::Failure;
 use crate::lvdt_points::GAP_M;
 use crate::options::Global;
 use crate::options::values::seconds;
-use crate::output::Output;
-use crate::output::at;
-use crate::output::decimal;
+use crate::output::{Output, at, decimal};
 use crate::session::Wanted;
-use crate::units::{HZ, MM, N, NUMBER, PERCENT, RAD, S, TURNS, UM, Unit, V};
+use crate::units::{HZ, MM, RAD, S, UM, Unit, V};
 use clap::Args;
 use serde_json::{Value, json};
 
@@ -81,18 +80,7 @@ pub fn run(global: &Global, output: &mut Output) -> Result<(), Failure> {
         "firmware {} ({}), protocol {:08x}, scene {:08x}, last started by {}",
         id.version, id.git, id.protocol_hash, id.scene_hash, id.reset_cause
     ))?;
-    output.line(format!(
-        "table    {}, {} bytes, {}: contraction within {}, TR within {} for {} to {}, {} to {}",
-        id.table.form,
-        id.table.bytes,
-        if id.table.sent { "sent by the host" } else { "built in" },
-        UM.error(id.table.contraction_error_m),
-        PERCENT.error(id.table.tr_relative_error),
-        NUMBER.exact(id.table.load_min_n),
-        N.exact(id.table.load_max_n),
-        NUMBER.exact(id.table.turns_min),
-        TURNS.exact(id.table.turns_max)
-    ))?;
+    output.line(format!("table    {}", diagnosis::board::table(&id.table)))?;
     output.line(format!(
         "link     {} damaged frames at the board, {} here; {} foreign frames on the bus",
         counters.link_errors, damaged, counters.foreign_frames

@@ -55,9 +55,8 @@ pub fn run(global: &Global, options: &Sweep, output: &mut Output) -> Result<(), 
     let max = f64::from(JOG_SPEED_MAX);
     if !(speed > 0.0 && speed <= max) {
         return Err(Failure::failed(format!(
-            "--speed {}: must be above 0 and at most {}",
-            RAD_PER_S.exact(speed),
-            RAD_PER_S.exact(max)
+            "--speed {}: must be above 0 and at most {max} rad/s",
+            RAD_PER_S.exact(speed)
         )));
     }
     let mut target = global.target()?;
@@ -85,9 +84,8 @@ pub fn run(global: &Global, options: &Sweep, output: &mut Output) -> Result<(), 
         ("--turns", turns, TURNS, [0.5, table.turns_max]),
     ] {
         if !(f64::from(min)..=f64::from(max)).contains(&value) {
-            let [min, max, value] = [f64::from(min), f64::from(max), value].map(|value| unit.exact(value));
-            let limits = format!("must be from {min} to {max}, what the board's table covers");
-            return Err(Failure::failed(format!("{name} {value}: {limits}")));
+            let limits = format!("must be from {}, what the board's table covers", unit.range([min, max]));
+            return Err(Failure::failed(format!("{name} {}: {limits}", unit.exact(value))));
         }
     }
     if let Some(after_n) = options.after.filter(|_| takes_off) {

@@ -3,9 +3,9 @@
 use super::{Check, check};
 use crate::board_settings;
 use crate::failure::Failure;
-use crate::units::{N, NUMBER, PERCENT, TURNS, UM};
+use crate::units::{N, PERCENT, TURNS, UM};
 use rig_config::Scene;
-use rig_link::{Clock, Identity, PROTOCOL_HASH, ResetCause, SettingsReport};
+use rig_link::{Clock, Identity, PROTOCOL_HASH, ResetCause, SettingsReport, TableIdentity};
 
 /// Checks of a board's identity against the tool and the scene.
 ///
@@ -63,27 +63,30 @@ pub fn checks(id: &Identity, scene: &Scene) -> Result<Vec<Check>, Failure> {
         check(
             "table",
             accurate && covers,
+            table(t),
             format!(
-                "{}, {}: contraction within {}, TR within {}, {} to {}, {} to {}",
-                t.form,
-                if t.sent { "sent by the host" } else { "built in" },
-                UM.error(t.contraction_error_m),
-                PERCENT.error(t.tr_relative_error),
-                NUMBER.exact(t.load_min_n),
-                N.exact(t.load_max_n),
-                NUMBER.exact(t.turns_min),
-                TURNS.exact(t.turns_max)
-            ),
-            format!(
-                "the scene asks for {} and {} over {} to {} and {}: build and flash for it",
+                "the scene asks for {} and {} over {} and {}: build and flash for it, or `table --board`",
                 UM.exact(accuracy.contraction_m),
                 PERCENT.exact(accuracy.tr_relative),
-                NUMBER.exact(envelope.load_n[0]),
-                N.exact(envelope.load_n[1]),
+                N.range(envelope.load_n),
                 TURNS.exact(turns[1])
             ),
         ),
     ])
+}
+
+/// The board's table in words.
+pub fn table(t: &TableIdentity) -> String {
+    format!(
+        "{}, {} bytes, {}: contraction within {}, TR within {} for {}, {}",
+        t.form,
+        t.bytes,
+        if t.sent { "sent by the host" } else { "built in" },
+        UM.error(t.contraction_error_m),
+        PERCENT.error(t.tr_relative_error),
+        N.range([t.load_min_n, t.load_max_n]),
+        TURNS.range([t.turns_min, t.turns_max])
+    )
 }
 
 /// The settings: whether those in flash are used.

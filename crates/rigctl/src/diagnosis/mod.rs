@@ -7,7 +7,7 @@ pub mod sensors;
 
 use crate::failure::Failure;
 use crate::session::{Session, homing, motion};
-use crate::units::{A, HZ, PERCENT};
+use crate::units::{A, PERCENT};
 use rig_config::Scene;
 use rig_control::TICK_US;
 use rig_link::{Fault, Faults, LoadChoice, State, Telemetry};
@@ -116,12 +116,8 @@ fn drive(heard: &[Telemetry], scene: &Scene) -> Check {
     let online = last.is_some_and(|t| t.state != State::Boot && !t.faults.meets(gone));
     let max_a = heard.iter().map(|t| f64::from(t.drive_current_a).abs()).fold(0.0, f64::max);
     let limit_a = f64::from(scene.rig.drive_current_limit_ma()) * 1e-3;
-    let seen = format!(
-        "{}, at most {} of {}",
-        if online { "online" } else { "not online" },
-        A.rounded(max_a, 10e-3),
-        A.exact(limit_a)
-    );
+    let online_text = if online { "online" } else { "not online" };
+    let seen = format!("{online_text}, at most {} of {}", A.rounded(max_a, 10e-3), A.exact(limit_a));
     let advice = if online {
         "the motor is at its current limit at rest: is the load too heavy, or stuck?"
     } else {
@@ -153,12 +149,9 @@ fn timing(last: &Telemetry, session: &Session, messages: usize) -> [Check; 2] {
             "link",
             rate_hz > 95.0 && c.link_errors == 0 && damaged == 0 && lost == 0 && c.unsent == 0,
             format!(
-                "telemetry at {}; damaged {} at the board, {damaged} here; {lost} lost, {} unsent; {} foreign \
+                "telemetry at {rate_hz:.0} Hz; damaged {} at the board, {damaged} here; {lost} lost, {} unsent; {} foreign \
                  frames on the bus",
-                HZ.exact(rate_hz),
-                c.link_errors,
-                c.unsent,
-                c.foreign_frames
+                c.link_errors, c.unsent, c.foreign_frames
             ),
             "cable, ground and baud rate of the host link; another program on the port?",
         ),

@@ -76,10 +76,9 @@ pub fn lvdt(heard: &[Telemetry], id: &Identity, scene: &Scene, session: &mut Ses
         let (min, max) = (mechanism.solve(min_n, high)?.gap_m, mechanism.solve(max_n, low)?.gap_m);
         let inside = (min - GAP_OUTSIDE_M..=max + GAP_OUTSIDE_M).contains(&mean);
         let seen = format!(
-            "gap {} (strings make {} to {}), noise {} rms; its position is judged on a homed actuator (--home)",
+            "gap {} (strings make {}), noise {} rms; its position is judged on a homed actuator (--home)",
             MM.rounded(mean, GAP_M),
-            MM.show(min),
-            MM.show(max),
+            MM.range([min, max]),
             UM.error(rms)
         );
         let advice =
@@ -145,7 +144,7 @@ pub fn encoder(turned: Option<[f64; 2]>, last: &Telemetry, sensors: &Sensors) ->
 pub fn supply(last: &Telemetry, scene: &Scene, sensors: &Sensors) -> Check {
     let [min, max] = scene.rig.supply_limits_v();
     let seen = match (scene.rig.supply_divider, sensors.supply_v) {
-        (Some(_), Some(volts)) => format!("{}, allowed {} to {}", V.show(volts), V.exact(min), V.exact(max)),
+        (Some(_), Some(volts)) => format!("{}, allowed {}", V.show(volts), V.range([min, max])),
         (Some(_), None) => "not reported yet".to_owned(),
         (None, _) => "not wired by this scene (no supply_divider), so not watched".to_owned(),
     };

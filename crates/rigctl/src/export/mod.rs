@@ -7,7 +7,6 @@ pub mod mcap;
 use crate::csv_text::{Table as Csv, no_number};
 use crate::log::Log;
 use crate::log::read::whole_lines;
-use crate::units::S;
 use clap::ValueEnum;
 use std::collections::HashSet;
 
@@ -37,12 +36,7 @@ impl<'a> Table<'a> {
             return Err("has no rows: there is nothing to export".into());
         }
         if let Some(outside) = log.rows.iter().map(|row| row.t_s).find(|t_s| !TIMES_S.contains(t_s)) {
-            return Err(format!(
-                "t_s is {}, and can be {} to {}",
-                S.exact(outside),
-                S.exact(*TIMES_S.start()),
-                S.exact(*TIMES_S.end())
-            ));
+            return Err(format!("t_s is {outside}, and can be {} to {} s", TIMES_S.start(), TIMES_S.end()));
         }
         let cells = Csv::parse(whole_lines(text))?;
         let (mut seen, names) = (HashSet::new(), &cells.names.1);

@@ -4,7 +4,6 @@
 //! The stress–strain curve is fitted by the coefficients of its tangent written as sums of squares: no step can make it
 //! fall, anywhere.
 
-use crate::units::NUMBER;
 use rig_config::Scene;
 use tsa_model::scalar::{Dual, Scalar};
 use tsa_model::{Parameters, RadiusLaw};
@@ -138,9 +137,7 @@ impl Constant {
         let a1 = p.stress_coefficients_pa[0];
         match self.place(&mut p.clone()) {
             Some(value) if *value > 0.0 => Ok(vec![value.ln()]),
-            Some(value) => {
-                Err(format!("{}: the scene has {}, and a fit starts above 0", self.key(), NUMBER.exact(*value)))
-            }
+            Some(value) => Err(format!("{}: the scene has {value}, and a fit starts above 0", self.key())),
             // σ'/a1 = (u + v z)² + w² z with z = (ε/0.05)²: every tangent that is not negative for z ≥ 0.
             None if self == Self::OddCurve => Ok(vec![a1.ln(), 0.02, 0.02]),
             // σ'/a1 = (1 + c1 x + c2 x²)² share + (1 + d1 x)² (1 − share), x = ε/0.05.

@@ -133,14 +133,8 @@ impl Data {
             };
             let row = || {
                 let sigma = if table.has("sigma_m") { number("sigma_m")? } else { SIGMA_M };
-                let [min, max] = SIGMAS_M;
-                if !(min..=max).contains(&sigma) {
-                    return Err(format!(
-                        "sigma_m {} must be from {} to {}",
-                        M.exact(sigma),
-                        M.exact(min),
-                        M.exact(max)
-                    ));
+                if !(SIGMAS_M[0]..=SIGMAS_M[1]).contains(&sigma) {
+                    return Err(format!("sigma_m {sigma} must be from {}", M.range(SIGMAS_M)));
                 }
                 let (load_n, turned) = (taut("load_n", number("load_n")?)?, number(twist)?);
                 let twist_rad = if twist == "turns" { twist_from_turns(turned) } else { turned };

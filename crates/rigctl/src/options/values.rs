@@ -2,7 +2,6 @@
 
 use crate::identify::laws::{LAWS, Law};
 use crate::request;
-use crate::units::MM;
 use crate::units::{self, Quantity};
 use clap::builder::PossibleValuesParser;
 use tsa_model::Tier;
@@ -63,7 +62,7 @@ pub(crate) fn gap(text: &str) -> Result<f64, units::UnitError> {
 pub fn gauge_error(text: &str) -> Result<f64, String> {
     match units::parse("gauge-error", Quantity::Length, text) {
         Ok(error_m) if (0.0..=1e-3).contains(&error_m) => Ok(error_m),
-        Ok(error_m) => Err(format!("gauge-error is {}, allowed are 0 to 1 mm", MM.exact(error_m))),
+        Ok(error_m) => Err(format!("gauge-error is {error_m} m, allowed are 0 to 1 mm")),
         Err(error) => Err(error.to_string()),
     }
 }

@@ -37,7 +37,7 @@ impl HomeResult {
             "homed in {}: load {}, friction {}, zero twist ± {}",
             S.show(self.duration_s),
             N.within(self.load_n, self.load_error_n),
-            N.rounded(self.friction_n, self.load_error_n),
+            N.show(self.friction_n),
             RAD.error(self.zero_error_rad)
         )
     }

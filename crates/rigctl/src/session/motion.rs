@@ -286,8 +286,6 @@ pub fn turn(
             return Ok(());
         }
     }
-    Err(Failure::failed(format!(
-        "the strings did not reach {}: is the load too heavy or stuck? See `rigctl status`",
-        TURNS_OF_RAD.show(to - PI)
-    )))
+    let end = TURNS_OF_RAD.show(to - PI);
+    Err(Failure::failed(format!("the strings did not reach {end}: is the load stuck or too heavy?")))
 }

@@ -15,6 +15,7 @@ use crate::options::Global;
 use crate::options::values::radius_law;
 use crate::out_file::OutFile;
 use crate::output::Output;
+use crate::units::UM;
 use clap::Args;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -93,7 +94,7 @@ pub fn run(global: &Global, options: &Identify, output: &mut Output) -> Result<(
     let found = identify(&scene, &data, &candidates).map_err(|e| hinted(&e.to_string(), &hints))?;
     hints.iter().for_each(|hint| eprintln!("is a unit wrong? {}", hint.text));
     data.bad.iter().for_each(|bad| eprintln!("passed over: {bad}"));
-    print::fit(&found.fit, &found.scene, print::Unit::Metres, output)?;
+    print::fit(&found.fit, &found.scene, UM, output)?;
     print::judged(&found, output)?;
     print::table(&scene, &found, output)?;
     let next = options.next.then(|| plan(&scene, &found)).flatten();
@@ -102,7 +103,7 @@ pub fn run(global: &Global, options: &Identify, output: &mut Output) -> Result<(
     }
     let names = options.sweeps.iter().filter_map(|p| p.file_name()).map(|name| name.to_string_lossy());
     let source = names.collect::<Vec<_>>().join(", ");
-    write(out, &print::file(&found.fit, &found.scene, &source, print::Unit::Metres)?, output)?;
+    write(out, &print::file(&found.fit, &found.scene, &source, UM)?, output)?;
     if picture.is_some() {
         write(picture, &figure::figure(&scene, &data, &found)?, output)?;
     }

@@ -8,33 +8,15 @@ use crate::identify::fit::Fit;
 use crate::identify::plan::Plan;
 use crate::output::Output;
 use crate::statistics::Errors;
-use crate::units::{MM, N, NUMBER, PERCENT, TURNS, UM};
+use crate::units::{MM, N, NUMBER, PERCENT, TURNS, UM, Unit};
 use rig_config::Scene;
 
-/// The unit of the data's errors.
-#[derive(Clone, Copy, PartialEq, Eq)]
-pub enum Unit {
-    /// Of sweeps.
-    Metres,
-    /// Of the paper's numbers.
-    Relative,
-}
-
-impl Unit {
-    fn shown(self, error: f64) -> String {
-        match self {
-            Self::Metres => UM.show(error),
-            Self::Relative => PERCENT.show(error),
-        }
-    }
-}
-
 fn summary(name: &str, e: &Errors, unit: Unit) -> String {
-    let [rms, median, worst] = [e.rms, e.median, e.worst].map(|x| unit.shown(x));
+    let [rms, median, worst] = [e.rms, e.median, e.worst].map(|x| unit.show(x));
     format!("{name:<10} {:>4} numbers: rms {rms}, median {median}, worst {worst}", e.count)
 }
 
-/// The fit and its constants.
+/// The fit and its constants; `unit` is that of the data's errors.
 pub fn fit(fit: &Fit, fitted: &Scene, unit: Unit, output: &mut Output) -> Result<(), Failure> {
     output.line(summary("fitted", &fit.fitted, unit))?;
     output.line(summary("held out", &fit.held_out, unit))?;
@@ -100,12 +82,11 @@ pub fn table(before: &Scene, found: &Identified, output: &mut Output) -> Result<
         && before != after
     {
         output.line(format!(
-            "[envelope] begins at {} and ends at {}, instead of {} and {}: with these constants no table reaches the accuracy \
-             beyond",
-            N.exact(after.load_n[0]),
-            TURNS.exact(after.turns[1]),
-            N.exact(before.load_n[0]),
-            TURNS.exact(before.turns[1])
+            "[envelope] is {} and {} instead of {} and {}: with these constants no table reaches the accuracy beyond",
+            N.range(after.load_n),
+            TURNS.range(after.turns),
+            N.range(before.load_n),
+            TURNS.range(before.turns)
         ))?;
     }
     Ok(())
