@@ -5,14 +5,16 @@
 //! more than one equilibrium may exist.
 
 use super::grid::Grid;
-use super::limits::{self, Line};
 use super::rods::RODS;
+use super::work::in_words;
 use super::{Inputs, Made};
 use crate::table;
 use anyhow::Result;
 use baseline_methods::Method;
 use rigctl::parallel::{Progress, parallel};
-use rigctl::plot::{Axis, Block, Figure, INK, Item, KeyRow, Panel, Pen, RGBColor};
+use rigctl::plot::{Axis, Block, Figure, INK, KeyRow, Panel, Pen, RGBColor};
+use std::f64::consts::PI;
+use tsa_model::rod::TipForce;
 use tsa_model::{Equilibrium, Mechanism, SolveError, twist_from_turns};
 
 const LOAD_N: [f64; 2] = [0.3, 20.0];
@@ -23,6 +25,9 @@ const CELLS: (usize, usize) = (16, 20);
 const STEPS: usize = 64;
 /// An answer further from the true state than this (m) is another equilibrium: every method's own error is far smaller.
 const ANOTHER_BRANCH_M: f64 = 1e-5;
+/// Around the states with only one equilibrium, visible on light and dark cells.
+const SAFE: Pen = Pen { colour: INK, width: 3, dashed: false };
+const UNDER: Pen = Pen { colour: RGBColor(255, 255, 255), width: 6, dashed: false };
 /// An answer that takes this many times a method's usual effort is slow.
 const SLOW: f64 = 5.0;
 
@@ -132,18 +137,11 @@ fn judged(
     outcomes
 }
 
-/// Pen and meaning of each of [`limits::lines`].
-const LIMITS: [(Pen, &str); 4] = [
-    (Pen { colour: INK, width: 3, dashed: false }, "|n| l²/EI = π²/4: one equilibrium below and left"),
-    (Pen { colour: RGBColor(0, 90, 60), width: 3, dashed: true }, "overtwist: no room for the strings beyond"),
-    (Pen { colour: RGBColor(120, 30, 110), width: 3, dashed: true }, "bending strain in the middle of the plateau"),
-    (Pen { colour: RGBColor(190, 0, 0), width: 2, dashed: false }, "bending strain 8 %: end of the stress–strain fit"),
-];
-
-/// Draws a limit so that it is visible on light and dark cells.
-fn limit<'a>((line, (pen, _)): (&'a Line, &(Pen, &str))) -> impl Iterator<Item = Item> + use<'a> {
-    let under = Pen { colour: RGBColor(255, 255, 255), width: pen.width + 3, dashed: false };
-    [under, *pen].into_iter().flat_map(|pen| line.iter().map(move |points| Item::line(points.clone(), pen)))
+/// Whether an equilibrium is known to be the only one: |n| l²/EI < π²/4, EI the softest bending stiffness that occurs.
+fn is_safe(mechanism: &Mechanism, e: &Equilibrium) -> bool {
+    let rod = mechanism.rod();
+    let softest = rod.section.softest(e.bending_strain * e.bending_strain);
+    rod.load_number(TipForce::of(e)) * 4.0 / (PI * PI * softest) < 1.0
 }
 
 /// Judges every method on every rod and draws it.
@@ -158,16 +156,16 @@ pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
     for rod in &RODS {
         let mechanism = rod.mechanism()?;
         let truths = parallel(progress, states.len(), |k| truth(&mechanism, states[k].0, states[k].1));
-        let safe: Vec<bool> = states.iter().map(|(load, twist)| limits::is_safe(&mechanism, *load, *twist)).collect();
-        let lines = limits::lines(&mechanism, &grid, progress);
+        let safe: Vec<Option<bool>> =
+            truths.iter().map(|truth| truth.as_ref().ok().map(|e| is_safe(&mechanism, e))).collect();
         for (m, (name, method)) in methods.iter().enumerate() {
             let outcomes = judged(&mechanism, *method, &states, &truths, progress);
-            let title = if m == 0 { format!("{}, l/R {:.0}", rod.title, rod.slenderness()) } else { String::new() };
+            let title = if m == 0 { format!("{}, {:.0} radii", rod.title, rod.slenderness()) } else { String::new() };
             let mut panel = grid.panel(title, |k| outcomes[k].0.look().1);
-            panel.items.extend(lines.iter().zip(&LIMITS).rev().flat_map(limit));
+            panel.items.extend([UNDER, SAFE].into_iter().flat_map(|pen| grid.edges(&safe, pen)));
             let ticks = [0.5, 2.0, 5.0, 10.0].map(|load| (load, format!("{load} N")));
             let x = if m + 1 == methods.len() { panel.x } else { panel.x.unnamed() };
-            panels[m].push(Panel { x, y: Axis::log_named(*name, LOAD_N, ticks.to_vec()), ..panel });
+            panels[m].push(Panel { x, y: Axis::log_named(in_words(name), LOAD_N, ticks.to_vec()), ..panel });
             rows.extend(grid.states().iter().enumerate().map(|(k, (load, turns))| {
                 let (outcome, evaluations) = outcomes[k];
                 let kind = match outcome {
@@ -183,14 +181,15 @@ pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
                     state,
                     outcome.look().0,
                     kind,
-                    safe[k],
+                    safe[k] == Some(true),
                     evaluations,
                 )
             }));
             let count = |name: &str| outcomes.iter().filter(|(o, _)| o.look().0 == name).count();
             let counts = OUTCOMES.iter().map(|(name, ..)| (count(name), name)).filter(|(n, _)| *n > 0);
             let counts = counts.map(|(n, name)| format!("{n} {name}")).collect::<Vec<_>>().join(", ");
-            let inside = outcomes.iter().zip(&safe).filter(|((o, _), safe)| **safe && o.is_failure()).count();
+            let inside =
+                outcomes.iter().zip(&safe).filter(|((o, _), safe)| **safe == Some(true) && o.is_failure()).count();
             findings.push(format!("{:<18} {name:<18} {counts}; {inside} failures in the safe zone", rod.title));
         }
     }
@@ -198,16 +197,16 @@ pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
         heading: "Which equilibrium each method finds, over load and twist".into(),
         rows: panels.into_iter().map(Panel::side_by_side).collect(),
         panel_size: (320, 230),
-        blocks: vec![
-            Block::new(OUTCOMES.map(|(_, colour, meaning)| KeyRow::fill(colour, meaning))),
-            Block::new(LIMITS.map(|(pen, meaning)| KeyRow::line(pen, meaning))),
-        ],
+        blocks: Block::split(
+            2,
+            OUTCOMES
+                .map(|(_, colour, meaning)| KeyRow::fill(colour, meaning))
+                .into_iter()
+                .chain([KeyRow::line(SAFE, "below and left there is only one equilibrium")]),
+        ),
         notes: vec![format!(
-            "{} x {} states in each panel. The truth is the branch that the unloaded rig leads to, followed in 64 \
-             and more steps of load and of twist. Another branch: more than {:.0} um away. Slow: more than {SLOW} times \
-             the method's usual effort.",
-            CELLS.0,
-            CELLS.1,
+            "Columns: rods by their free length over the radius. The right branch is the one that leads to the unloaded actuator. Another \
+             branch: more than {:.0} µm away. Slow: more than {SLOW} times the method's usual effort.",
             ANOTHER_BRANCH_M * 1e6
         )],
     };

@@ -68,10 +68,10 @@ pub fn maps(inputs: &Inputs<'_>) -> Result<Made> {
         for wanted_m in WANTED_M {
             let wanted = TierError { contraction_m: wanted_m, tr_relative: f64::INFINITY };
             let cells = parallel(inputs.progress, states.len(), |k| cheapest(&m, states[k], wanted));
-            let title = format!("{name}, {:.0} um", wanted_m * 1e6);
+            let title = format!("{name}, {:.0} µm", wanted_m * 1e6);
             let tiers: Vec<Tier> = cells.iter().flatten().map(|(tier, _)| *tier).collect();
             let worst_m = cells.iter().flatten().map(|(_, error_m)| *error_m).fold(0.0, f64::max);
-            findings.push(format!("{title}: {}; worst {:.2} um", fractions(&tiers), worst_m * 1e6));
+            findings.push(format!("{title}: {}; worst {:.2} µm", fractions(&tiers), worst_m * 1e6));
             let colour = |k: usize| cells[k].as_ref().map_or(NO_EQUILIBRIUM, |(tier, _)| COLOURS[*tier as usize]);
             maps.push(grid.panel(title, colour));
             rows.extend(states.iter().zip(&cells).map(|((load_n, turns), cell)| {
@@ -89,7 +89,7 @@ pub fn maps(inputs: &Inputs<'_>) -> Result<Made> {
         heading: "The cheapest model that is good enough for the contraction".into(),
         rows: panels,
         panel_size: (400, 330),
-        blocks: key.chunks(2).map(|rows| Block { rows: rows.to_vec() }).collect(),
+        blocks: Block::split(3, key),
         notes: vec![
             "Each model chosen by its own estimate of its error; the true error against the full model is in the data. \
              Nothing is asked of TR here."
