@@ -47,7 +47,7 @@ pub fn study(rigs: &Rigs) -> Result<Study> {
         "time: median; worst",
         "time over that of a: median",
     ]);
-    let mut kinds: Vec<Kind> = Vec::new();
+    let (mut names, mut kinds) = (Vec::new(), Vec::<Kind>::new());
     for (rig, count, within_m) in KINDS.into_iter().filter(|(rig, ..)| rigs.wants(*rig)) {
         let played = rigs.seeds(count).map(|seed| {
             let subject = Subject::new(rig, seed);
@@ -62,45 +62,45 @@ pub fn study(rigs: &Rigs) -> Result<Study> {
             eprintln!("{rig}: {name}: {law:?}");
             (name, field.play(law))
         });
-        let mut ratios = Vec::new();
+        let mut reached = Vec::new();
         for (name, outcomes) in [(OURS, ours.clone())].into_iter().chain(baselines) {
             row(&mut study, name, on, &outcomes, &ours);
-            ratios.push((name, outcomes.iter().map(|o| o.over_limit(within_m)).collect()));
+            let ratios: Vec<Option<f64>> = outcomes.iter().map(|o| o.over_limit(within_m)).collect();
+            if ratios.iter().any(Option::is_some) && !names.contains(&name) {
+                names.push(name);
+            }
+            reached.push((name, ratios));
         }
-        kinds.push((format!("{rig} plants: back to within {:.0} µm", within_m * 1e6), ratios));
+        kinds.push((format!("{rig} plants: back to within {:.0} µm", within_m * 1e6), reached));
     }
     study.notes.push(NOTE.into());
-    draw(&figure(&kinds), "limit")?;
+    draw(&figure(&names, &kinds), "limit")?;
     Ok(study)
 }
 
-/// A panel for each kind of rig, a row for each controller that brings any load back.
-fn figure(kinds: &[Kind]) -> Figure {
-    let settled = |(name, _): &&(&str, _)| {
-        let of_name = kinds.iter().flat_map(|(_, all)| all).filter(|(other, _)| other == name);
-        of_name.flat_map(|(_, ratios)| ratios).any(Option::is_some)
-    };
-    let names = || kinds.iter().take(1).flat_map(|(_, all)| all).filter(settled).map(|(name, _)| *name);
-    let last_row = 0.4 - names().count() as f64;
+/// A panel for each kind of rig, a row for each of these controllers.
+fn figure(names: &[&str], kinds: &[Kind]) -> Figure {
+    let last_row = 0.4 - names.len() as f64;
     let level = |ratio: f64, pen: Pen| Item::line([(ratio, 0.6), (ratio, last_row)], pen.wide(1));
     let panel = |(title, all): &Kind| {
         let mut items = vec![level(1.0, Pen::solid(INK)), level(2.0, Pen::dashed(INK))];
-        for (row, name) in names().enumerate() {
-            let ratios = || all.iter().filter(|(other, _)| *other == name).flat_map(|(_, ratios)| ratios);
-            let colour = if name == OURS { colour(0, 6) } else { GREY };
+        for (name, ratios) in all {
+            let Some(row) = names.iter().position(|shown| shown == name) else { continue };
+            let colour = if *name == OURS { colour(0, 6) } else { GREY };
             let place = |ratio: f64| (ratio.clamp(DRAWN[0], DRAWN[1]), -(row as f64));
-            items.extend(ratios().flatten().map(|ratio| Item::mark(place(*ratio), Shape::Dot, colour)));
-            let median = Sorted::new(ratios().map(|ratio| ratio.unwrap_or(f64::INFINITY))).median();
+            items.extend(ratios.iter().flatten().map(|ratio| Item::mark(place(*ratio), Shape::Dot, colour)));
+            let median = Sorted::new(ratios.iter().map(|ratio| ratio.unwrap_or(f64::INFINITY))).median();
             items.extend(median.map(|ratio| Item::mark(place(ratio), Shape::Diamond, INK)));
-            let missed = ratios().filter(|ratio| ratio.is_none()).count();
+            let missed = ratios.iter().filter(|ratio| ratio.is_none()).count();
             if missed > 0 {
-                items.push(Item::mark((NEVER, -(row as f64)), Shape::Cross, colour));
-                items.push(Item::label((NEVER, -(row as f64)), format!("{missed} of {}", ratios().count()), INK));
+                let at = (NEVER, -(row as f64));
+                let count = Item::label(at, format!("{missed} of {}", ratios.len()), INK);
+                items.extend([Item::mark(at, Shape::Cross, colour), count]);
             }
         }
         let ticks = [0.5, 1.0, 2.0, 5.0, 10.0].map(|ratio| (ratio, ratio.to_string()));
         let x = Axis::log("recovery time ÷ theoretical minimum", [DRAWN[0], 60.0]).ticked(ticks);
-        vec![Panel::new(title.clone(), x, Axis::names(names()), items)]
+        vec![Panel::new(title.clone(), x, Axis::names(names.iter().copied()), items)]
     };
     Figure {
         heading: "Recovery from a changed load (emulated)".into(),

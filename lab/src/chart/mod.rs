@@ -82,6 +82,15 @@ pub struct Inputs<'a> {
 }
 
 impl Inputs<'_> {
+    /// The scene and, if it is there, the one with a plateau beside it, by their files' names.
+    fn with_plateau(&self) -> Vec<(String, Scene)> {
+        let plateau = self.scene_file.with_file_name("niti-plateau.toml");
+        let beside = (plateau != self.scene_file).then(|| Scene::load(&plateau).ok()).flatten();
+        let scenes = [Some((self.scene_file, self.scene.clone())), beside.map(|scene| (plateau.as_path(), scene))];
+        let stem = |file: &Path| file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        scenes.into_iter().flatten().map(|(file, scene)| (stem(file), scene)).collect()
+    }
+
     /// A file that another command leaves in the folder or in `out`: its text, and its lines.
     fn measured<T: DeserializeOwned>(&self, file: &str, command: &str) -> Result<(String, Vec<T>)> {
         let found = [self.folder, Path::new("out")].map(|f| f.join(file)).into_iter().find(|f| f.exists());
@@ -181,9 +190,4 @@ fn distinct<T: PartialEq>(values: impl IntoIterator<Item = T>) -> Vec<T> {
         }
     }
     found
-}
-
-/// The name of a scene's file.
-fn stem(file: &Path) -> String {
-    file.file_stem().unwrap_or_default().to_string_lossy().into_owned()
 }

@@ -39,11 +39,11 @@ pub enum Outcome {
     /// The right one, for more than `SLOW` times the method's usual effort.
     Slow,
     /// The method reports a limit of the model where there is one.
-    Limit(SolveError),
+    Limit,
     /// The method reports a limit of the model where there is none.
-    Refused(SolveError),
+    Refused,
     /// The iteration ends without an answer although there is an equilibrium.
-    Diverged(SolveError),
+    Diverged,
     /// Another equilibrium, without an error.
     WrongBranch,
     /// An answer where the branch from the unloaded state has ended.
@@ -68,28 +68,20 @@ impl Outcome {
             // NaN must not count as right.
             (Ok(truth), Ok(e)) if (e.gap_m - truth.gap_m).abs() <= ANOTHER_BRANCH_M => Self::Right,
             (Ok(_), Ok(_)) => Self::WrongBranch,
-            (Ok(_), Err(e @ (SolveError::Diverged { .. } | SolveError::NotConverged { .. }))) => Self::Diverged(*e),
-            (Ok(_), Err(e)) => Self::Refused(*e),
-            (Err(_), Err(e)) => Self::Limit(*e),
+            (Ok(_), Err(SolveError::Diverged { .. } | SolveError::NotConverged { .. })) => Self::Diverged,
+            (Ok(_), Err(_)) => Self::Refused,
+            (Err(_), Err(_)) => Self::Limit,
             (Err(_), Ok(_)) => Self::BeyondLimit,
         }
     }
 
     /// Whether this outcome is a defect of the method.
     pub fn is_failure(&self) -> bool {
-        !matches!(self, Self::Right | Self::Slow | Self::Limit(_))
+        !matches!(self, Self::Right | Self::Slow | Self::Limit)
     }
 
-    fn look(&self) -> &'static (&'static str, RGBColor, &'static str) {
-        &OUTCOMES[match self {
-            Self::Right => 0,
-            Self::Slow => 1,
-            Self::Limit(_) => 2,
-            Self::Refused(_) => 3,
-            Self::Diverged(_) => 4,
-            Self::WrongBranch => 5,
-            Self::BeyondLimit => 6,
-        }]
+    fn look(self) -> &'static (&'static str, RGBColor, &'static str) {
+        &OUTCOMES[self as usize]
     }
 }
 
@@ -114,22 +106,24 @@ pub fn truth(mechanism: &Mechanism, load_n: f64, twist_rad: f64) -> Result<Equil
     Method::Continuation { steps: STEPS }.solve(mechanism, load_n, twist_rad)
 }
 
-/// The outcomes of one method at some states, given the truths, each with its evaluations (0 where there is no answer).
+/// The outcomes of one method at some states, given the truths, each with its evaluations (0 where there is no answer) and the kind
+/// of the error that it reports.
 fn judged(
     mechanism: &Mechanism,
     method: Method,
     states: &[(f64, f64)],
     truths: &[Result<Equilibrium, SolveError>],
     progress: &Progress<'_>,
-) -> Vec<(Outcome, u32)> {
+) -> Vec<(Outcome, u32, &'static str)> {
     let mut outcomes = parallel(progress, states.len(), |k| {
         let answer = method.solve(mechanism, states[k].0, states[k].1);
-        (Outcome::judge(&truths[k], &answer), answer.map_or(0, |e| e.evaluations))
+        let kind = answer.as_ref().err().map_or("", SolveError::kind);
+        (Outcome::judge(&truths[k], &answer), answer.map_or(0, |e| e.evaluations), kind)
     });
-    let mut effort: Vec<u32> = outcomes.iter().filter(|(o, _)| *o == Outcome::Right).map(|(_, n)| *n).collect();
+    let mut effort: Vec<u32> = outcomes.iter().filter(|(o, ..)| *o == Outcome::Right).map(|(_, n, _)| *n).collect();
     effort.sort_unstable();
     let usual = effort.get(effort.len() / 2).copied().unwrap_or(0);
-    for (outcome, evaluations) in &mut outcomes {
+    for (outcome, evaluations, _) in &mut outcomes {
         if *outcome == Outcome::Right && f64::from(*evaluations) > SLOW * f64::from(usual) {
             *outcome = Outcome::Slow;
         }
@@ -166,47 +160,30 @@ pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
             let ticks = [0.5, 2.0, 5.0, 10.0].map(|load| (load, format!("{load} N")));
             let x = if m + 1 == methods.len() { panel.x } else { panel.x.unnamed() };
             panels[m].push(Panel { x, y: Axis::log_named(in_words(name), LOAD_N, ticks.to_vec()), ..panel });
-            rows.extend(grid.states().iter().enumerate().map(|(k, (load, turns))| {
-                let (outcome, evaluations) = outcomes[k];
-                let kind = match outcome {
-                    Outcome::Diverged(e) | Outcome::Refused(e) | Outcome::Limit(e) => e.kind(),
-                    _ => "",
-                };
+            let what = (rod.title, rod.rod_span_m, rod.rod_radius_m, *name);
+            rows.extend(grid.states().iter().zip(&outcomes).zip(&safe).map(|(((load, turns), found), safe)| {
+                let (outcome, evaluations, kind) = *found;
                 let state = (format!("{load:.5}"), format!("{turns:.5}"));
-                (
-                    rod.title,
-                    rod.rod_span_m,
-                    rod.rod_radius_m,
-                    *name,
-                    state,
-                    outcome.look().0,
-                    kind,
-                    safe[k] == Some(true),
-                    evaluations,
-                )
+                (what, state, outcome.look().0, kind, *safe == Some(true), evaluations)
             }));
-            let count = |name: &str| outcomes.iter().filter(|(o, _)| o.look().0 == name).count();
-            let counts = OUTCOMES.iter().map(|(name, ..)| (count(name), name)).filter(|(n, _)| *n > 0);
-            let counts = counts.map(|(n, name)| format!("{n} {name}")).collect::<Vec<_>>().join(", ");
-            let inside =
-                outcomes.iter().zip(&safe).filter(|((o, _), safe)| **safe == Some(true) && o.is_failure()).count();
-            findings.push(format!("{:<18} {name:<18} {counts}; {inside} failures in the safe zone", rod.title));
+            let counts =
+                OUTCOMES.iter().map(|(of, ..)| (outcomes.iter().filter(|(o, ..)| o.look().0 == *of).count(), of));
+            let counts =
+                counts.filter(|(n, _)| *n > 0).map(|(n, of)| format!("{n} {of}")).collect::<Vec<_>>().join(", ");
+            let failed = outcomes.iter().zip(&safe).filter(|((o, ..), safe)| **safe == Some(true) && o.is_failure());
+            let failed = failed.count();
+            findings.push(format!("{:<18} {name:<18} {counts}; {failed} failures in the safe zone", rod.title));
         }
     }
+    let outcomes = OUTCOMES.map(|(_, colour, meaning)| KeyRow::fill(colour, meaning));
     let figure = Figure {
         heading: "Which equilibrium each method finds, over load and twist".into(),
         rows: panels.into_iter().map(Panel::side_by_side).collect(),
         panel_size: (320, 230),
-        blocks: Block::split(
-            2,
-            OUTCOMES
-                .map(|(_, colour, meaning)| KeyRow::fill(colour, meaning))
-                .into_iter()
-                .chain([KeyRow::line(SAFE, "below and left there is only one equilibrium")]),
-        ),
+        blocks: Block::split(2, outcomes.into_iter().chain([KeyRow::line(SAFE, "below: only one equilibrium")])),
         notes: vec![format!(
-            "Columns: rods by their free length over the radius. The right branch is the one that leads to the unloaded actuator. Another \
-             branch: more than {:.0} µm away. Slow: more than {SLOW} times the method's usual effort.",
+            "Columns: rods by their free length over the radius. The right branch leads to the unloaded actuator; another one \
+             is more than {:.0} µm away. Slow: more than {SLOW} times the method's usual effort.",
             ANOTHER_BRANCH_M * 1e6
         )],
     };

@@ -1,7 +1,7 @@
 //! The cheapest model over load and twist, and the model and table that each of five scenes needs.
 
 use super::grid::Grid;
-use super::{Inputs, Made, stem};
+use super::{Inputs, Made};
 use crate::{csv, table};
 use anyhow::{Context, Result};
 use rig_config::Scene;
@@ -52,15 +52,8 @@ fn fractions(tiers: &[Tier]) -> String {
 /// # Errors
 /// If a scene has no envelope, or the drawing fails.
 pub fn maps(inputs: &Inputs<'_>) -> Result<Made> {
-    let plateau = inputs.scene_file.with_file_name("niti-plateau.toml");
-    let mut scenes = vec![(stem(inputs.scene_file), inputs.scene.clone())];
-    if plateau != inputs.scene_file
-        && let Ok(other) = Scene::load(&plateau)
-    {
-        scenes.push((stem(&plateau), other));
-    }
     let (mut panels, mut rows, mut findings) = (Vec::new(), Vec::new(), Vec::new());
-    for (name, scene) in &scenes {
+    for (name, scene) in &inputs.with_plateau() {
         let envelope = scene.table_requirement()?.0;
         let (grid, m) = (Grid::new(envelope.load_n, CELLS.0, envelope.turns, CELLS.1), scene.mechanism()?);
         let states = grid.states();

@@ -1,7 +1,7 @@
 //! Work against precision as a picture.
 
 use super::work::{self, Measured, Point, Way, in_words};
-use super::{Inputs, Made, stem};
+use super::{Inputs, Made};
 use crate::table;
 use anyhow::Result;
 use baseline_methods::Method;
@@ -46,16 +46,10 @@ const HEADER: &str = "scene,method,effort,max_error_m,us,time_ratio,failed,faile
 /// # Errors
 /// If a scene cannot be solved, or the drawing fails.
 pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
-    let plateau = inputs.scene_file.with_file_name("niti-plateau.toml");
-    let mut scenes = vec![(inputs.scene.mechanism()?, stem(inputs.scene_file))];
-    let mut left_out = Vec::new();
-    match Scene::load(&plateau) {
-        Ok(other) => scenes.push((other.mechanism()?, stem(&plateau))),
-        Err(e) => left_out.push(e.to_string()),
-    }
     let case =
-        |(mechanism, name): (_, String)| Ok(Case { name, measured: work::measure(&mechanism, inputs.progress)? });
-    let cases = scenes.into_iter().map(case).collect::<Result<Vec<Case>>>()?;
+        |(name, scene): (_, Scene)| Ok(Case { name, measured: work::measure(&scene.mechanism()?, inputs.progress)? });
+    let cases = inputs.with_plateau().into_iter().map(case).collect::<Result<Vec<Case>>>()?;
+    let mut left_out = Vec::new();
     let peers = inputs.measured::<Peer>("peers.csv", "cargo xtask bench");
     let peers = peers.map_err(|e| left_out.push(format!("{e:#}"))).map(|(_, peers)| peers).unwrap_or_default();
     let figure = Figure {
