@@ -121,7 +121,7 @@ fn figure(names: &[&str], kinds: &[Kind]) -> Figure {
             ]),
         ],
         notes: vec![
-            "The minimum is that of any control with this motor. It leaves out friction, which calms a light load, so \
+            "The minimum is that of any control with this motor. It leaves out friction, which damps a light load, so \
              that a ratio can be below 1. Controllers that bring no load back are left out."
                 .into(),
         ],

@@ -67,7 +67,7 @@ pub fn study(Arguments { rigs, each: print }: &Arguments) -> Result<Study> {
         panel_size: (340, 330),
         blocks: key(),
         notes: vec![
-            "The minimum is that of any control with this motor. It leaves out friction, which calms a light load, so \
+            "The minimum is that of any control with this motor. It leaves out friction, which damps a light load, so \
              that a ratio can be below 1."
                 .into(),
         ],
