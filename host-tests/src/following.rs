@@ -8,7 +8,7 @@ use anyhow::Result;
 use rig_control::TICK_S;
 use rig_link::messages::{LoadChoice, Request, State};
 use rig_plant::RigPreset;
-use rigctl::plot::{Axis, Block, Figure, INK, Item, KeyRow, Panel, Pen, Sample, colour};
+use rigctl::plot::{Axis, Block, Figure, INK, Item, KeyRow, Panel, Pen, colour};
 use rigctl::trajectory::{EVERY_S, HOLDS_FOR_S};
 use std::f64::consts::TAU;
 
@@ -161,10 +161,10 @@ fn figure(kinds: &[RigPreset], played: &[Played]) -> Figure {
         let line = |(series, answers): &Played| {
             let at = PERIOD_TICKS.iter().zip(answers);
             let points = at.filter_map(|(period, answer)| Some((frequency_hz(*period), value(answer.as_ref().ok()?))));
-            Item::Line { points: points.collect(), pen: pens(series) }
+            Item::line(points, pens(series))
         };
-        let items = played.iter().filter(|(series, _)| series.rig.0 == *kind).map(line).collect();
-        Panel { title: format!("{title}, {kind} rig"), x: Axis::log("frequency, Hz", [0.1, 4.0]), y, items }
+        let items = played.iter().filter(|(series, _)| series.rig.0 == *kind).map(line);
+        Panel::new(format!("{title}, {kind} rig"), Axis::log("frequency, Hz", [0.1, 4.0]), y, items)
     };
     let ratio =
         |kind| panel(kind, "Amplitude ratio", Axis::log("ratio", [DRAWN_RATIO, 2.0]), |r| r.ratio.max(DRAWN_RATIO));
@@ -174,19 +174,16 @@ fn figure(kinds: &[RigPreset], played: &[Played]) -> Figure {
             if degrees > DRAWN_DEGREES[1] { degrees - 360.0 } else { degrees }
         })
     };
-    let loads = LOADS_KG
-        .iter()
-        .enumerate()
-        .map(|(k, kg)| KeyRow::sample(Sample::Line(Pen::solid(colour(k, LOADS_KG.len()))), format!("{kg} kg")));
-    let amplitudes = AMPLITUDES_M.iter().enumerate().map(|(k, m)| {
-        let pen = if k == 0 { Pen::solid(INK) } else { Pen::dashed(INK) };
-        KeyRow::sample(Sample::Line(pen), format!("{} mm", m * 1e3))
-    });
+    let load = |(k, kg): (usize, &f64)| KeyRow::line(Pen::solid(colour(k, LOADS_KG.len())), format!("{kg} kg"));
+    let amplitude = |pen, m: f64| KeyRow::line(pen, format!("{} mm", m * 1e3));
     Figure {
         heading: "Streamed sines about 8 mm, by the firmware's control code (emulated)".into(),
-        rows: vec![kinds.iter().map(ratio).collect(), kinds.iter().map(phase).collect()],
+        rows: vec![Panel::side_by_side(kinds.iter().map(ratio)), Panel::side_by_side(kinds.iter().map(phase))],
         panel_size: (420, 260),
-        blocks: vec![Block { rows: loads.collect() }, Block { rows: amplitudes.collect() }],
+        blocks: vec![
+            Block::new(LOADS_KG.iter().enumerate().map(load)),
+            Block::new([amplitude(Pen::solid(INK), AMPLITUDES_M[0]), amplitude(Pen::dashed(INK), AMPLITUDES_M[1])]),
+        ],
         notes: vec![
             "Where the motor's speed does not suffice for 1 mm, its limit makes the ratio fall before that of 0.2 mm."
                 .into(),

@@ -1,13 +1,12 @@
 //! The study of changed loads by this controller and by seven others, over the least time of any control.
 
 use crate::baselines::Field;
-use crate::load_changes::{self, Outcome};
+use crate::load_changes::{self, Outcome, WATCHED_S};
 use crate::rigs::subject::Subject;
-use crate::speed::{key, panel};
 use crate::study::{Rigs, Sorted, Study, draw, shown};
 use anyhow::Result;
 use rig_plant::RigPreset;
-use rigctl::plot::Figure;
+use rigctl::plot::{Axis, Block, Figure, GREY, INK, Item, KeyRow, Panel, Pen, Shape, colour};
 
 /// Kind of rig, how many, and the distance (m) within which a load counts as at its place.
 const KINDS: [(RigPreset, u64, f64); 3] =
@@ -20,8 +19,12 @@ const TICK_S: f64 = 0.01;
 const NAMED: f64 = 2.0;
 /// This controller.
 const OURS: &str = "a  this controller";
-/// Panels of the figure side by side.
-const COLUMNS: usize = 4;
+/// Ratios that are drawn, and where those that did not settle stand; what is beyond is drawn at the edge.
+const DRAWN: [f64; 2] = [0.5, 14.0];
+const NEVER: f64 = 20.0;
+
+/// A kind of rig in words; each controller's recovery times over the theoretical minimum, `None` where a load did not settle.
+type Kind = (String, Vec<(&'static str, Vec<Option<f64>>)>);
 
 const NOTE: &str = "A step changes the load at rest at 2, 8 or 14 mm, between 0.2 and 1.2 kg. The limit is the least time of any \
     control, by a linear programme with the table's ratio and stiffness at the end; friction, which calms a light \
@@ -38,13 +41,13 @@ pub fn study(rigs: &Rigs) -> Result<Study> {
     let mut study = Study::new([
         "controller",
         "rigs",
-        "over the limit: median; worst",
-        "beyond twice the limit",
+        "recovery time ÷ theoretical minimum: median; worst",
+        "beyond twice the minimum",
         "not settled, of all; failed",
         "time: median; worst",
         "time over that of a: median",
     ]);
-    let (mut panels, mut back) = (Vec::new(), Vec::new());
+    let (mut names, mut kinds) = (Vec::new(), Vec::<Kind>::new());
     for (rig, count, within_m) in KINDS.into_iter().filter(|(rig, ..)| rigs.wants(*rig)) {
         let played = rigs.seeds(count).map(|seed| {
             let subject = Subject::new(rig, seed);
@@ -59,28 +62,70 @@ pub fn study(rigs: &Rigs) -> Result<Study> {
             eprintln!("{rig}: {name}: {law:?}");
             (name, field.play(law))
         });
+        let mut reached = Vec::new();
         for (name, outcomes) in [(OURS, ours.clone())].into_iter().chain(baselines) {
             row(&mut study, name, on, &outcomes, &ours);
-            panels.push(panel(format!("{rig}: {name}"), "time over the limit", &outcomes, |o| o.over_limit(within_m)));
+            let ratios: Vec<Option<f64>> = outcomes.iter().map(|o| o.over_limit(within_m)).collect();
+            if ratios.iter().any(Option::is_some) && !names.contains(&name) {
+                names.push(name);
+            }
+            reached.push((name, ratios));
         }
-        back.push(format!("{:.0} µm on {rig} rigs", within_m * 1e6));
+        kinds.push((format!("{rig} plants: back to within {:.0} µm", within_m * 1e6), reached));
     }
     study.notes.push(NOTE.into());
-    let figure = Figure {
-        heading: "Time until a changed load is back at its place, over the physical limit (emulated)".into(),
-        rows: panels.chunks(COLUMNS).map(<[_]>::to_vec).collect(),
-        panel_size: (365, 220),
-        blocks: key(),
-        notes: vec![
-            "The limit is the least time in which any control brings the load to rest there with this motor, its swing \
-             included: a linear programme with the table's ratio and stiffness. Friction is not in it and calms a light \
-             load, so that a ratio can be below 1. All controllers but a are told the true load at once."
-                .into(),
-            format!("A load is back within {}.", back.join(", ")),
-        ],
-    };
-    draw(&figure, "limit")?;
+    draw(&figure(&names, &kinds), "limit")?;
     Ok(study)
+}
+
+/// A panel for each kind of rig, a row for each of these controllers.
+fn figure(names: &[&str], kinds: &[Kind]) -> Figure {
+    let last_row = 0.4 - names.len() as f64;
+    let level = |ratio: f64, pen: Pen| Item::line([(ratio, 0.6), (ratio, last_row)], pen.wide(1));
+    let panel = |(title, all): &Kind| {
+        let mut items = vec![level(1.0, Pen::solid(INK)), level(2.0, Pen::dashed(INK))];
+        for (name, ratios) in all {
+            let Some(row) = names.iter().position(|shown| shown == name) else { continue };
+            let colour = if *name == OURS { colour(0, 6) } else { GREY };
+            let place = |ratio: f64| (ratio.clamp(DRAWN[0], DRAWN[1]), -(row as f64));
+            items.extend(ratios.iter().flatten().map(|ratio| Item::mark(place(*ratio), Shape::Dot, colour)));
+            let median = Sorted::new(ratios.iter().map(|ratio| ratio.unwrap_or(f64::INFINITY))).median();
+            items.extend(median.map(|ratio| Item::mark(place(ratio), Shape::Diamond, INK)));
+            let missed = ratios.iter().filter(|ratio| ratio.is_none()).count();
+            if missed > 0 {
+                let at = (NEVER, -(row as f64));
+                let count = Item::label(at, format!("{missed} of {}", ratios.len()), INK);
+                items.extend([Item::mark(at, Shape::Cross, colour), count]);
+            }
+        }
+        let ticks = [0.5, 1.0, 2.0, 5.0, 10.0].map(|ratio| (ratio, ratio.to_string()));
+        let x = Axis::log("recovery time ÷ theoretical minimum", [DRAWN[0], 60.0]).ticked(ticks);
+        vec![Panel::new(title.clone(), x, Axis::names(names.iter().copied()), items)]
+    };
+    Figure {
+        heading: "Recovery from a changed load (emulated)".into(),
+        rows: kinds.iter().map(panel).collect(),
+        panel_size: (800, 300),
+        blocks: vec![
+            Block::new([
+                KeyRow::mark(Shape::Dot, colour(0, 6), "this controller, a dot for each change"),
+                KeyRow::mark(Shape::Dot, GREY, "others, told the true load at once"),
+            ]),
+            Block::new([
+                KeyRow::mark(Shape::Diamond, INK, "median"),
+                KeyRow::mark(Shape::Cross, GREY, format!("not within {WATCHED_S:.0} s")),
+            ]),
+            Block::new([
+                KeyRow::line(Pen::solid(INK), "the theoretical minimum"),
+                KeyRow::line(Pen::dashed(INK), "twice that"),
+            ]),
+        ],
+        notes: vec![
+            "The minimum is that of any control with this motor. It leaves out friction, which damps a light load, so \
+             that a ratio can be below 1. Controllers that bring no load back are left out."
+                .into(),
+        ],
+    }
 }
 
 /// A controller's row and numbers. Medians are of all steps: one that has not settled takes longer than any other. The most is of

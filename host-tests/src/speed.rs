@@ -7,7 +7,7 @@ use crate::rigs::subject::Subject;
 use crate::study::{Rigs, Sorted, Study, draw, each};
 use anyhow::Result;
 use rig_plant::RigPreset;
-use rigctl::plot::{Axis, Block, Figure, GREY, INK, Item, KeyRow, Panel, Pen, Sample, Shape, colour};
+use rigctl::plot::{Axis, Block, Figure, GREY, INK, Item, KeyRow, Panel, Pen, Shape, colour};
 
 /// Kind of rig, how many, and the distances (m) within which a load counts as at its place.
 const KINDS: [(RigPreset, u64, &[f64]); 3] =
@@ -39,10 +39,10 @@ pub fn study(Arguments { rigs, each: print }: &Arguments) -> Result<Study> {
         "rigs",
         "settled, of all; failed",
         "time: median; worst",
-        "over the motor's time",
-        "over motor and swing",
+        "time ÷ the motor's minimum",
+        "time ÷ theoretical minimum",
     ]);
-    let mut rows = [Vec::new(), Vec::new()];
+    let mut panels = Vec::new();
     for (rig, count, within) in KINDS.into_iter().filter(|(rig, ..)| rigs.wants(*rig)) {
         let subjects: Vec<Subject> = rigs.seeds(count).map(|seed| Subject::new(rig, seed)).collect();
         let steps: Vec<Outcome> = subjects.iter().flat_map(|subject| load_changes::all(subject, rigs.jobs)).collect();
@@ -58,21 +58,17 @@ pub fn study(Arguments { rigs, each: print }: &Arguments) -> Result<Study> {
                     .for_each(|outcome| eprintln!("{test}: {}", line(outcome, *within_m)));
             }
         }
-        let title = format!("{rig}, to {:.0} µm", within[0] * 1e6);
-        let over_motor = |o: &Outcome| Some(o.settled_s(within[0])? / o.motor_s);
-        rows[0].push(panel(title.clone(), "time over the limit: motor alone", &steps, over_motor));
-        rows[1].push(panel(title, "time over the limit: motor and swing", &steps, |o| o.over_limit(within[0])));
+        panels.push(panel(format!("{rig}, to {:.0} µm", within[0] * 1e6), &steps, |o| o.over_limit(within[0])));
     }
     study.notes.push(NOTE.into());
     let figure = Figure {
-        heading: "How fast a changed load is back at its place, over what is physically possible (emulated)".into(),
-        rows: rows.into(),
-        panel_size: (380, 300),
+        heading: "Recovery of this controller from a changed load (emulated)".into(),
+        rows: vec![Panel::side_by_side(panels)],
+        panel_size: (340, 330),
         blocks: key(),
         notes: vec![
-            "Upper row: over the time in which the motor's speed and acceleration alone turn the strings as far. Lower row: over the \
-             least time in which any control brings the load to rest there, its swing included (a linear programme with the \
-             table's ratio and stiffness at the end; friction calms a light load faster)."
+            "The minimum is that of any control with this motor. It leaves out friction, which damps a light load, so \
+             that a ratio can be below 1."
                 .into(),
         ],
     };
@@ -125,36 +121,36 @@ const RATIOS: [f64; 2] = [0.5, 14.0];
 const NEVER: f64 = 18.0;
 
 /// A ratio of times against the load that hangs there in the end, by place.
-pub fn panel(title: String, label: &str, outcomes: &[Outcome], ratio: impl Fn(&Outcome) -> Option<f64>) -> Panel {
-    let level = |ratio: f64, pen: Pen| Item::Line { points: vec![(0.1, ratio), (1.3, ratio)], pen };
-    let mut items = vec![level(1.0, Pen::solid(INK).wide(1)), level(2.0, Pen::dashed(INK).wide(1))];
+fn panel(title: String, outcomes: &[Outcome], ratio: impl Fn(&Outcome) -> Option<f64>) -> Panel {
+    let level = |ratio: f64, pen: Pen| Item::line([(0.1, ratio), (1.3, ratio)], pen.wide(1));
+    let mut items = vec![level(1.0, Pen::solid(INK)), level(2.0, Pen::dashed(INK))];
     for outcome in outcomes {
         let Some(step) = outcome.step else { continue };
         let place = POSITIONS_M.iter().position(|at_m| *at_m == step.at_m).unwrap_or(0);
         let ratio = ratio(outcome);
-        items.push(Item::Mark {
-            // Beside each other, not on top of each other.
-            at: (
-                step.change_kg[1] + 0.03 * (place as f64 - 1.0),
-                ratio.map_or(NEVER, |ratio| ratio.clamp(RATIOS[0], RATIOS[1])),
-            ),
-            shape: if ratio.is_some() { Shape::Dot } else { Shape::Cross },
-            colour: colour(place, POSITIONS_M.len()),
-        });
+        // Beside each other, not on top of each other.
+        let load_kg = step.change_kg[1] + 0.03 * (place as f64 - 1.0);
+        let at = (load_kg, ratio.map_or(NEVER, |ratio| ratio.clamp(RATIOS[0], RATIOS[1])));
+        let shape = if ratio.is_some() { Shape::Dot } else { Shape::Cross };
+        items.push(Item::mark(at, shape, colour(place, POSITIONS_M.len())));
     }
-    let (x, y) = (Axis::linear("load after the change, kg", [0.1, 1.3]), Axis::log(label, [RATIOS[0], 1.1 * NEVER]));
-    Panel { title, x, y, items }
+    let y = Axis::log("recovery time ÷ theoretical minimum", [RATIOS[0], 1.1 * NEVER]);
+    Panel::new(title, Axis::linear("load after the change, kg", [0.1, 1.3]), y, items)
 }
 
 /// What the marks and lines of a panel are.
-pub fn key() -> Vec<Block> {
-    let places = POSITIONS_M.iter().enumerate().map(|(k, at_m)| {
-        KeyRow::sample(Sample::Mark(Shape::Dot, colour(k, POSITIONS_M.len())), format!("at {:.0} mm", at_m * 1e3))
-    });
-    let never = KeyRow::sample(Sample::Mark(Shape::Cross, GREY), format!("not within {WATCHED_S:.0} s"));
-    let limits = [("the limit", Pen::solid(INK)), ("twice the limit", Pen::dashed(INK))]
-        .map(|(name, pen)| KeyRow::sample(Sample::Line(pen), name));
-    vec![Block { rows: places.chain([never]).collect() }, Block { rows: limits.to_vec() }]
+fn key() -> Vec<Block> {
+    let place = |(k, at_m): (usize, &f32)| {
+        KeyRow::mark(Shape::Dot, colour(k, POSITIONS_M.len()), format!("at {:.0} mm", at_m * 1e3))
+    };
+    vec![
+        Block::new(POSITIONS_M.iter().enumerate().map(place)),
+        Block::new([
+            KeyRow::mark(Shape::Cross, GREY, format!("not within {WATCHED_S:.0} s")),
+            KeyRow::line(Pen::solid(INK), "the theoretical minimum"),
+            KeyRow::line(Pen::dashed(INK), "twice that"),
+        ]),
+    ]
 }
 
 #[cfg(test)]
@@ -186,7 +182,7 @@ mod tests {
         let (oscillation, outcomes) = outcomes();
         let ratio = outcomes[0].over_limit(50e-6).unwrap();
         assert!((ratio - 2.0 / oscillation.min_time_s(-2e-3, 50e-6).unwrap()).abs() < 1e-9 && ratio > 1.0, "{ratio}");
-        let panel = panel("a".into(), "ratio", &outcomes, |outcome| outcome.over_limit(50e-6));
+        let panel = panel("a".into(), &outcomes, |outcome| outcome.over_limit(50e-6));
         let mark = |item: &Item| if let Item::Mark { at, shape, .. } = item { Some((at.1, *shape)) } else { None };
         let marks: Vec<(f64, Shape)> = panel.items.iter().filter_map(mark).collect();
         assert_eq!(marks, [(ratio, Shape::Dot), (NEVER, Shape::Cross), (NEVER, Shape::Cross)]);

@@ -25,10 +25,10 @@ const VARIANTS: [(&str, Tier, [f64; 2]); 10] = [
     ("elastica", Tier::Elastica, [5e-6, 2e-3]),
     ("inextensible", Tier::Inextensible, [5e-6, 2e-3]),
     ("full", Tier::Full, [5e-6, 2e-3]),
-    ("full, 24 um", Tier::Full, [24e-6, 5e-3]),
-    ("full, 100 um", Tier::Full, [100e-6, 2e-2]),
+    ("full, 24 µm", Tier::Full, [24e-6, 5e-3]),
+    ("full, 100 µm", Tier::Full, [100e-6, 2e-2]),
     ("full, 1 mm", Tier::Full, [1e-3, 0.2]),
-    ("full, 2 um", Tier::Full, [2e-6, 1e-3]),
+    ("full, 2 µm", Tier::Full, [2e-6, 1e-3]),
 ];
 const LOADS: [&str; 2] = ["0.5kg", "1.5kg"];
 const SCRIPT: &str = "2.5 home\n47 move 12mm speed=2mm/s\n55.5 move 2mm speed=2mm/s\n63 move 9mm speed=2mm/s\n69 end\n";
@@ -89,7 +89,7 @@ impl Outcome {
     pub fn text(&self) -> String {
         let shown = |value: Option<f64>, unit: f64| value.map_or("-".into(), |value| format!("{:.1}", value * unit));
         format!(
-            "{:<14} {}: tracking {} um rms, {} um at most; at rest {} um; load {} %; {:.0} instructions a tick, {:.0} at most{}",
+            "{:<14} {}: tracking {} µm rms, {} µm at most; at rest {} µm; load {} %; {:.0} instructions a tick, {:.0} at most{}",
             self.variant,
             self.load,
             shown(self.rms_m, 1e6),

@@ -65,7 +65,7 @@ pub(crate) fn panels(
         let ends = curves.iter().flat_map(|c| c.way.ends.iter().map(move |end| (c.colour, end)));
         let ends = ends.filter_map(|(colour, end)| Some(Item::mark(place(group, &end.at?)?, Shape::Cross, colour)));
         let marks = published().map(|p| Item::mark((p.turns, p.value), shape(p.kind), p.colour));
-        let x = Axis::linear("motor turns past the half-turn pre-twist", turns);
+        let x = Axis::linear("turns of the strings past the pre-twist", turns);
         Panel::new("", x, y.clone(), lines.chain(ends).chain(marks))
     };
     columns.iter().map(panel).collect()

@@ -7,22 +7,15 @@ use crate::study::Study;
 use anyhow::{Context, Result};
 use rig_plant::RigPreset;
 use rig_plant::units::STANDARD_GRAVITY;
-use rigctl::plot::{Axis, Block, Figure, INK, Item, KeyRow, Panel, Pen, Sample, Shape, colour, extent};
+use rigctl::plot::{Axis, Block, Figure, Item, KeyRow, Panel, Shape, colour, extent};
 use serde::Serialize;
 
-/// Largest tracking errors that others publish for closed loops on a twisted string, by PID and by LQR, as load (kg) and error (mm).
-/// JCSE 2016, 5864918: a dual actuator, other moves than here.
-const PUBLISHED: [(f64, f64); 4] = [(0.5, 11.6), (0.5, 12.6), (0.5, 4.3), (0.5, 5.0)];
-
-/// What else there is, in other measures.
-const ELSEWHERE: &str = "Published beside these, on other rigs and moves: closed loop on a dual TSA under 500 g, largest \
+/// What others publish.
+const ELSEWHERE: &str = "Published, on other actuators and moves: closed loop on a dual TSA under 500 g, largest \
     error 11.6 and 12.6 mm by PID, 4.3 and 5.0 mm by LQR (JCSE 2016, 5864918); open loop by an inverse model on a TSA \
     soft arm, 3.68 % (ASME JMR 16(4) 041007, 2024).";
 
 /// What the measures mean.
-const HOW: &str = "Tracking counts while the set-point travels, settling from its arrival until the next move. A load \
-    step moves the load by itself under any controller, by up to 5 mm. No settling time where fewer than nine moves of ten \
-    settle. A move that was not made, because its controller had failed, counts as not settled.";
 const TRACKING: &str = "Tracking counts from where the set-point sets out. A load step itself moves the load by millimetres \
     under any controller; what differs is the time after it.";
 const NOT_MADE: &str = "A move that was not made, because its controller had failed, counts as not settled. Errors are those of the \
@@ -177,6 +170,7 @@ impl Results {
                 study.value("rms_um", ours[0].rms_um);
                 study.value("fixed_ratio_times", fixed[0].rms_um / ours[0].rms_um);
                 study.value("plants", self.plants.0 as f64);
+                study.notes.push(ELSEWHERE.into());
             }
             Some(_) => {
                 let not_made = self.names.iter().zip(&all).map(|(name, found)| {
@@ -194,6 +188,7 @@ impl Results {
             }
         }
         study.notes.push(TRACKING.into());
+        study.notes.extend(self.notes.iter().cloned());
         Ok(study)
     }
 
@@ -207,59 +202,48 @@ impl Results {
         String::from_utf8(writer.into_inner().map_err(|e| e.into_error())?).context("the CSV is no text")
     }
 
-    /// The picture.
+    /// The picture: a row for each controller, a dot for each load.
     pub fn figure(&self) -> Figure {
-        // Black is the seventh of the colours that are told apart.
-        let colour = |k: usize| if k < 6 { colour(k, 6) } else { INK };
-        let pen = |k: usize| Pen { dashed: k > 6, ..Pen::solid(colour(k)) };
-        let panel = |(title, label, log, value): &Quantity, steps: bool| {
-            let published = if *title == LARGEST && !steps { &PUBLISHED[..] } else { &[] };
-            let points = |rows: Vec<&Row>| -> Vec<(f64, f64)> {
-                let points = rows.into_iter().map(|row| (row.load_kg, value(row)));
-                points.filter(|(_, v)| v.is_finite() && (!log || *v > 0.0)).collect()
+        let mut loads_kg: Vec<f64> = self.rows.iter().map(|row| row.load_kg).collect();
+        loads_kg.sort_by(f64::total_cmp);
+        loads_kg.dedup();
+        let colour = |load: usize| colour(load, loads_kg.len());
+        let panel = |(what, log, value): &Quantity, steps: bool| {
+            let drawn = |v: &f64| v.is_finite() && (!log || *v > 0.0);
+            let mark = |row: &Row| {
+                let name = self.names.iter().position(|name| *name == row.controller)?;
+                let load = loads_kg.iter().position(|load_kg| *load_kg == row.load_kg)?;
+                let at = (Some(value(row)).filter(drawn)?, Axis::row(name, load, loads_kg.len()));
+                Some(Item::mark(at, Shape::Dot, colour(load)))
             };
-            let mut items = Vec::new();
-            for (k, name) in self.names.iter().enumerate() {
-                let line = points(self.rows(name, steps));
-                items.push(Item::Line { points: line.clone(), pen: pen(k) });
-                items.extend(line.into_iter().map(|at| Item::Mark { at, shape: Shape::Circle, colour: colour(k) }));
-            }
-            items.extend(published.iter().map(|at| Item::Mark { at: *at, shape: Shape::Cross, colour: INK }));
             // Both columns have the same axes.
-            let heights = extent(points(self.rows.iter().collect()).iter().chain(published).map(|p| p.1));
-            let x = Axis::linear("load, kg", extent(self.rows.iter().map(|row| row.load_kg)));
-            let y = if *log { Axis::log(*label, heights) } else { Axis::linear(*label, heights) };
-            Panel { title: format!("{title}, {} load steps", if steps { "with" } else { "without" }), x, y, items }
+            let all = extent(self.rows.iter().map(value).filter(drawn));
+            let x = if *log { Axis::log(*what, all) } else { Axis::linear(*what, all) };
+            let title = if steps { "the load changes during moves" } else { "the load stays" };
+            let items = self.rows.iter().filter(|row| row.load_steps == steps).filter_map(mark);
+            Panel::new(title, x, Axis::names(self.names.iter().copied()), items)
         };
-        let sample = |(k, name): (usize, &&str)| KeyRow::sample(Sample::Line(pen(k)), *name);
-        let published = KeyRow::sample(Sample::Mark(Shape::Cross, INK), "published: dual TSA, 500 g, LQR and PID");
-        let mut notes = vec![format!("Settled: within {:.0} µm. {HOW}", self.settled_um())];
-        notes.extend(self.notes.iter().cloned().chain([ELSEWHERE.to_owned()]));
         let (count, kind) = &self.plants;
+        let load = |(k, load_kg): (usize, &f64)| KeyRow::mark(Shape::Dot, colour(k), format!("{load_kg} kg"));
         Figure {
-            heading: format!("Ways to drive the same rig: {count} {kind} under each load (emulated)"),
-            rows: QUANTITIES.iter().map(|q| [false, true].map(|steps| panel(q, steps)).into()).collect(),
-            panel_size: (640, 290),
-            blocks: vec![
-                Block { rows: self.names.iter().enumerate().map(sample).collect() },
-                Block { rows: vec![published] },
-            ],
-            notes,
+            heading: format!("Controllers on the same actuator: {count} {kind} under each load (emulated)"),
+            rows: QUANTITIES.iter().map(|q| Panel::side_by_side([false, true].map(|steps| panel(q, steps)))).collect(),
+            panel_size: (640, 370),
+            blocks: Block::split(4, loads_kg.iter().enumerate().map(load)),
+            notes: vec![format!(
+                "Settled: within {:.0} µm, from the set-point's arrival to the next move.",
+                self.settled_um()
+            )],
         }
     }
 }
 
-/// A row of the picture: title, label, whether its axis is logarithmic, and what it shows.
-type Quantity = (&'static str, &'static str, bool, fn(&Row) -> f64);
+/// A row of the picture: label, whether its axis is logarithmic, and what it shows.
+type Quantity = (&'static str, bool, fn(&Row) -> f64);
 
-/// What others publish.
-const LARGEST: &str = "Tracking, largest";
-const QUANTITIES: [Quantity; 5] = [
-    ("Tracking, rms", "error, mm", true, |row| 1e-3 * row.rms_error_um),
-    (LARGEST, "error, mm", true, |row| 1e-3 * row.max_error_um),
-    ("Settled", "moves, %", false, |row| 100.0 * row.settled_share),
-    ("Largest overshoot", "past target, mm", true, |row| 1e-3 * row.overshoot_um),
-    ("Electrical energy of a move", "energy, J", false, |row| row.energy_j),
+const QUANTITIES: [Quantity; 2] = [
+    ("tracking error, rms, mm", true, |row| 1e-3 * row.rms_error_um),
+    ("settled moves, %", false, |row| 100.0 * row.settled_share),
 ];
 
 /// A controller's letter.

@@ -53,7 +53,7 @@ pub fn compare(subject: &Subject, firmware: &Firmware, along: &[(f64, Vec<Record
     let others = RATIOS[1..].iter().map(|tr| rms(law(*tr, gain)));
     let (theirs, law) = others.chain([gained]).min_by(min).unwrap_or(gained);
     let [tr, gain] = [law.tr_rad_per_m.unwrap_or(0.0) * 1e-3, law.gain_per_s];
-    finding(Some(theirs / ours), format!("TR {tr:.2} rad/mm, gain {gain} 1/s: {:.0} um", theirs * 1e6))
+    finding(Some(theirs / ours), format!("TR {tr:.2} rad/mm, gain {gain} 1/s: {:.0} µm", theirs * 1e6))
 }
 
 fn rms_m<'a>(records: impl IntoIterator<Item = &'a Record>) -> f64 {

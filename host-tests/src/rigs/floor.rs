@@ -94,7 +94,7 @@ pub enum Floor {
 /// Every check: its name in CSV and JSON, the row of the table that it belongs to (empty if nothing is asked of it), and factor and
 /// unit with which its values are shown.
 const CHECKS: [(Check, &str, &str, f64, &str); 28] = [
-    (Check::Calibration, "calibration_error_m", "", 1e6, "um"),
+    (Check::Calibration, "calibration_error_m", "", 1e6, "µm"),
     (Check::Zero, "zero_error_rad", "homing succeeds, zero", 1.0, "rad"),
     (Check::HomingTime, "homing_s", "", 1.0, "s"),
     (Check::LoadHomed, "load_after_homing", "load after homing", 100.0, "%"),
@@ -103,10 +103,10 @@ const CHECKS: [(Check, &str, &str, f64, &str); 28] = [
     (Check::LoadStated, "load_error_stated", "", 100.0, "%"),
     (Check::Certain, "load_error_over_stated", "load error over the stated one", 1.0, "times"),
     (Check::PositionCover, "position_covered", "stated error covers: position", 100.0, "%"),
-    (Check::PositionStated, "position_error_stated_m", "", 1e6, "um"),
-    (Check::RestMeasured, "rest_measured_m", "at rest against the LVDT", 1e6, "um"),
-    (Check::RestRms, "rest_measured_rms_m", "", 1e6, "um"),
-    (Check::RestRaw, "rest_measured_unaveraged_m", "", 1e6, "um"),
+    (Check::PositionStated, "position_error_stated_m", "", 1e6, "µm"),
+    (Check::RestMeasured, "rest_measured_m", "at rest against the LVDT", 1e6, "µm"),
+    (Check::RestRms, "rest_measured_rms_m", "", 1e6, "µm"),
+    (Check::RestRaw, "rest_measured_unaveraged_m", "", 1e6, "µm"),
     (Check::Hunting, "rest_reversals", "at rest, reversals", 1.0, ""),
     (Check::Travel, "rest_travel_rad", "", 1.0, "rad"),
     (Check::RestTrue, "rest_true_m", "at rest against the truth", 1e3, "mm"),

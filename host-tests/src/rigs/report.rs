@@ -194,7 +194,7 @@ impl Line {
     fn spread(&self) -> String {
         let (by, unit) = self.check.unit();
         let digits = match unit {
-            "" | "um" => 0,
+            "" | "µm" => 0,
             "rad" | "mm" => 3,
             _ => 1,
         };

@@ -17,27 +17,26 @@ pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
         let mark = |r: &Outcome| {
             let row = variants.iter().position(|v| **v == r.variant)?;
             let load = loads.iter().position(|l| **l == r.load)?;
-            // One above the other, so that neither hides the other.
-            let at = (value(r)?, 0.12 - row as f64 - 0.24 * load as f64);
+            let at = (value(r)?, Axis::row(row, load, loads.len()));
             Some(Item::mark(at, if r.fault.is_none() { Shape::Dot } else { Shape::Circle }, load_colour(load)))
         };
         let [low, high] = extent(runs.iter().filter_map(value));
-        let names = Axis::names(variants.iter().map(ToString::to_string));
+        let names = Axis::names(variants.iter().map(|name| name.as_str()));
         Panel::new("", Axis::linear(label, [low.min(0.0), high]), names, runs.iter().filter_map(mark))
     };
     let key = loads.iter().enumerate().map(|(k, load)| KeyRow::mark(Shape::Dot, load_colour(k), *load));
     let figure = Figure {
         heading: "Closed loop: tables of other models and accuracies in the firmware".into(),
         rows: vec![Panel::side_by_side([
-            panel("tracking error, um rms", |r| r.rms_m.map(|m| m * 1e6)),
-            panel("error at rest, um", |r| r.rest_m.map(|m| m.abs() * 1e6)),
+            panel("tracking error, µm rms", |r| r.rms_m.map(|m| m * 1e6)),
+            panel("error at rest, µm", |r| r.rest_m.map(|m| m.abs() * 1e6)),
             panel("load estimate off by, %", |r| r.load_relative_error.map(|error| error.abs() * 1e2)),
             panel("thousand instructions a tick", |r| Some(r.instructions_mean * 1e-3)),
         ])],
         panel_size: (330, 340),
         blocks: vec![Block::new(key), Block::new([KeyRow::mark(Shape::Circle, INK, "a fault on the way")])],
         notes: vec![
-            "Emulated board and rig, 12, 2 and 9 mm at 2 mm/s after homing. A table is fitted to its model to 5 um and 0.2 % \
+            "Emulated board and rig, 12, 2 and 9 mm at 2 mm/s after homing. A table is fitted to its model to 5 µm and 0.2 % \
              unless it says otherwise. Homing takes out what a scale of the twist and an offset of the gap can; the \
              feedback does the rest. What a cheap model costs is the load."
                 .into(),

@@ -59,7 +59,7 @@ pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
     let number = |x: f64| Some(format!("{x:.4e}"));
     let (mut loops, mut maps, mut rows, mut findings) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     for (name, controller) in [
-        ("this firmware: it damps the swing", Controller::damped()),
+        ("this firmware: damped", Controller::damped()),
         ("fixed TR, below the resonance", Controller::fixed(ratio)),
         ("fixed TR, tuned for least error", searched),
     ] {
@@ -84,7 +84,7 @@ pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
     findings.extend(loops.iter().map(|(name, (_, (.., hung), controller))| {
         let delay_ms = 1e3 * hung.delay_margin(controller, LONGEST_S);
         let resonance = hung.resonance_rad_per_s();
-        format!("{name:<32} weakest state: {delay_ms:.0} ms more delay; the load swings at {resonance:.0} rad/s")
+        format!("{name:<32} weakest state: {delay_ms:.0} ms more delay; resonance {resonance:.0} rad/s")
     }));
 
     let along = |change: fn(&Controller, f64) -> Controller, time: fn(f64) -> f64| {
@@ -118,7 +118,7 @@ pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
             Block::new(loops.iter().enumerate().map(|(k, (name, _))| KeyRow::line(pen(k), name))),
         ],
         notes: vec![
-            "Linear analysis of the loop as it is run every 10 ms (drive's lags and rig's damping as in the emulator, assumed), \
+            "Linear analysis of the loop as it is run every 10 ms (lags of the drive and damping of the rail as in the emulator, assumed), \
              without friction. The curves show each loop at its weakest state; below the dashed line it is \
              unstable as it stands. With a fixed TR a longer control period first helps, because the smoothing becomes slower with it."
                 .into(),

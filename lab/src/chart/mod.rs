@@ -7,16 +7,14 @@
 //! - `target`: what every way of knowing the mechanism costs on the board.
 //! - `table_size`: bytes of a table against its error.
 //! - `closed_loop`: what a cheaper model or a less accurate table does to the closed loop.
-//! - `rigs`: errors on rigs that are not their own model, and where the chain breaks as one effect is turned up.
+//! - `rigs`: one effect at a time that the table's model leaves out: errors, and what breaks as it is turned up.
 //! - `tiers`: the cheapest model over load and twist, and which model and table each of five scenes needs.
 //! - `margin_figure`: stability of the position loop in time, computed by [`margin`].
-//! - `stability`: every method over load and twist of some [`rods`]; [`limits`]: what bounds their states; [`grid`]: the states.
+//! - `stability`: every method over load and twist of some [`rods`]; [`grid`]: the states.
 
 mod closed_loop;
-mod contour;
 mod damped;
 pub mod grid;
-pub mod limits;
 pub mod margin;
 mod margin_figure;
 mod mechanism;
@@ -52,7 +50,7 @@ pub const FIGURES: [Kind; 11] = [
     ("target", "What each way of knowing the mechanism costs on the board", true, target::make),
     ("table-size", "Bytes against error of every form of table", false, table_size::make),
     ("closed-loop", "A cheaper model or a coarser table in the closed loop", true, closed_loop::make),
-    ("rigs", "Rigs that are not their own model", true, rigs::make),
+    ("rigs", "One effect at a time that the model leaves out", true, rigs::make),
     ("effects", "Where the chain breaks as one effect is turned up", true, rigs::effects),
     ("tiers", "The cheapest sufficient model over load and twist", false, tiers::maps),
     ("scenes", "The model and the table that each scene needs", false, tiers::scenes),
@@ -84,6 +82,15 @@ pub struct Inputs<'a> {
 }
 
 impl Inputs<'_> {
+    /// The scene and, if it is there, the one with a plateau beside it, by their files' names.
+    fn with_plateau(&self) -> Vec<(String, Scene)> {
+        let plateau = self.scene_file.with_file_name("niti-plateau.toml");
+        let beside = (plateau != self.scene_file).then(|| Scene::load(&plateau).ok()).flatten();
+        let scenes = [Some((self.scene_file, self.scene.clone())), beside.map(|scene| (plateau.as_path(), scene))];
+        let stem = |file: &Path| file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        scenes.into_iter().flatten().map(|(file, scene)| (stem(file), scene)).collect()
+    }
+
     /// A file that another command leaves in the folder or in `out`: its text, and its lines.
     fn measured<T: DeserializeOwned>(&self, file: &str, command: &str) -> Result<(String, Vec<T>)> {
         let found = [self.folder, Path::new("out")].map(|f| f.join(file)).into_iter().find(|f| f.exists());
@@ -183,9 +190,4 @@ fn distinct<T: PartialEq>(values: impl IntoIterator<Item = T>) -> Vec<T> {
         }
     }
     found
-}
-
-/// The name of a scene's file.
-fn stem(file: &Path) -> String {
-    file.file_stem().unwrap_or_default().to_string_lossy().into_owned()
 }

@@ -21,14 +21,11 @@ pub struct RodCase {
 
 /// From stout to slender; the second has a plateau.
 pub const RODS: [RodCase; 4] = [
-    RodCase { title: "the paper's rod", scene: PAPER, rod_span_m: 0.032, rod_radius_m: 0.0005 },
-    RodCase { title: "near-flat plateau", scene: PLATEAU, rod_span_m: 0.040, rod_radius_m: 0.0004 },
-    SLENDER,
+    RodCase { title: "paper's rod", scene: PAPER, rod_span_m: 0.032, rod_radius_m: 0.0005 },
+    RodCase { title: "flat plateau", scene: PLATEAU, rod_span_m: 0.040, rod_radius_m: 0.0004 },
+    RodCase { title: "slender", scene: PAPER, rod_span_m: 0.060, rod_radius_m: 0.0003 },
     RodCase { title: "more slender", scene: PAPER, rod_span_m: 0.080, rod_radius_m: 0.0003 },
 ];
-
-/// Where methods begin to part.
-pub const SLENDER: RodCase = RodCase { title: "slender", scene: PAPER, rod_span_m: 0.060, rod_radius_m: 0.0003 };
 
 impl RodCase {
     /// The mechanism with this rod.

@@ -5,14 +5,16 @@
 //! more than one equilibrium may exist.
 
 use super::grid::Grid;
-use super::limits::{self, Line};
 use super::rods::RODS;
+use super::work::in_words;
 use super::{Inputs, Made};
 use crate::table;
 use anyhow::Result;
 use baseline_methods::Method;
 use rigctl::parallel::{Progress, parallel};
-use rigctl::plot::{Axis, Block, Figure, INK, Item, KeyRow, Panel, Pen, RGBColor};
+use rigctl::plot::{Axis, Block, Figure, INK, KeyRow, Panel, Pen, RGBColor};
+use std::f64::consts::PI;
+use tsa_model::rod::TipForce;
 use tsa_model::{Equilibrium, Mechanism, SolveError, twist_from_turns};
 
 const LOAD_N: [f64; 2] = [0.3, 20.0];
@@ -23,6 +25,9 @@ const CELLS: (usize, usize) = (16, 20);
 const STEPS: usize = 64;
 /// An answer further from the true state than this (m) is another equilibrium: every method's own error is far smaller.
 const ANOTHER_BRANCH_M: f64 = 1e-5;
+/// Around the states with only one equilibrium, visible on light and dark cells.
+const SAFE: Pen = Pen { colour: INK, width: 3, dashed: false };
+const UNDER: Pen = Pen { colour: RGBColor(255, 255, 255), width: 6, dashed: false };
 /// An answer that takes this many times a method's usual effort is slow.
 const SLOW: f64 = 5.0;
 
@@ -34,11 +39,11 @@ pub enum Outcome {
     /// The right one, for more than `SLOW` times the method's usual effort.
     Slow,
     /// The method reports a limit of the model where there is one.
-    Limit(SolveError),
+    Limit,
     /// The method reports a limit of the model where there is none.
-    Refused(SolveError),
+    Refused,
     /// The iteration ends without an answer although there is an equilibrium.
-    Diverged(SolveError),
+    Diverged,
     /// Another equilibrium, without an error.
     WrongBranch,
     /// An answer where the branch from the unloaded state has ended.
@@ -63,28 +68,20 @@ impl Outcome {
             // NaN must not count as right.
             (Ok(truth), Ok(e)) if (e.gap_m - truth.gap_m).abs() <= ANOTHER_BRANCH_M => Self::Right,
             (Ok(_), Ok(_)) => Self::WrongBranch,
-            (Ok(_), Err(e @ (SolveError::Diverged { .. } | SolveError::NotConverged { .. }))) => Self::Diverged(*e),
-            (Ok(_), Err(e)) => Self::Refused(*e),
-            (Err(_), Err(e)) => Self::Limit(*e),
+            (Ok(_), Err(SolveError::Diverged { .. } | SolveError::NotConverged { .. })) => Self::Diverged,
+            (Ok(_), Err(_)) => Self::Refused,
+            (Err(_), Err(_)) => Self::Limit,
             (Err(_), Ok(_)) => Self::BeyondLimit,
         }
     }
 
     /// Whether this outcome is a defect of the method.
     pub fn is_failure(&self) -> bool {
-        !matches!(self, Self::Right | Self::Slow | Self::Limit(_))
+        !matches!(self, Self::Right | Self::Slow | Self::Limit)
     }
 
-    fn look(&self) -> &'static (&'static str, RGBColor, &'static str) {
-        &OUTCOMES[match self {
-            Self::Right => 0,
-            Self::Slow => 1,
-            Self::Limit(_) => 2,
-            Self::Refused(_) => 3,
-            Self::Diverged(_) => 4,
-            Self::WrongBranch => 5,
-            Self::BeyondLimit => 6,
-        }]
+    fn look(self) -> &'static (&'static str, RGBColor, &'static str) {
+        &OUTCOMES[self as usize]
     }
 }
 
@@ -109,22 +106,24 @@ pub fn truth(mechanism: &Mechanism, load_n: f64, twist_rad: f64) -> Result<Equil
     Method::Continuation { steps: STEPS }.solve(mechanism, load_n, twist_rad)
 }
 
-/// The outcomes of one method at some states, given the truths, each with its evaluations (0 where there is no answer).
+/// The outcomes of one method at some states, given the truths, each with its evaluations (0 where there is no answer) and the kind
+/// of the error that it reports.
 fn judged(
     mechanism: &Mechanism,
     method: Method,
     states: &[(f64, f64)],
     truths: &[Result<Equilibrium, SolveError>],
     progress: &Progress<'_>,
-) -> Vec<(Outcome, u32)> {
+) -> Vec<(Outcome, u32, &'static str)> {
     let mut outcomes = parallel(progress, states.len(), |k| {
         let answer = method.solve(mechanism, states[k].0, states[k].1);
-        (Outcome::judge(&truths[k], &answer), answer.map_or(0, |e| e.evaluations))
+        let kind = answer.as_ref().err().map_or("", SolveError::kind);
+        (Outcome::judge(&truths[k], &answer), answer.map_or(0, |e| e.evaluations), kind)
     });
-    let mut effort: Vec<u32> = outcomes.iter().filter(|(o, _)| *o == Outcome::Right).map(|(_, n)| *n).collect();
+    let mut effort: Vec<u32> = outcomes.iter().filter(|(o, ..)| *o == Outcome::Right).map(|(_, n, _)| *n).collect();
     effort.sort_unstable();
     let usual = effort.get(effort.len() / 2).copied().unwrap_or(0);
-    for (outcome, evaluations) in &mut outcomes {
+    for (outcome, evaluations, _) in &mut outcomes {
         if *outcome == Outcome::Right && f64::from(*evaluations) > SLOW * f64::from(usual) {
             *outcome = Outcome::Slow;
         }
@@ -132,18 +131,11 @@ fn judged(
     outcomes
 }
 
-/// Pen and meaning of each of [`limits::lines`].
-const LIMITS: [(Pen, &str); 4] = [
-    (Pen { colour: INK, width: 3, dashed: false }, "|n| l²/EI = π²/4: one equilibrium below and left"),
-    (Pen { colour: RGBColor(0, 90, 60), width: 3, dashed: true }, "overtwist: no room for the strings beyond"),
-    (Pen { colour: RGBColor(120, 30, 110), width: 3, dashed: true }, "bending strain in the middle of the plateau"),
-    (Pen { colour: RGBColor(190, 0, 0), width: 2, dashed: false }, "bending strain 8 %: end of the stress–strain fit"),
-];
-
-/// Draws a limit so that it is visible on light and dark cells.
-fn limit<'a>((line, (pen, _)): (&'a Line, &(Pen, &str))) -> impl Iterator<Item = Item> + use<'a> {
-    let under = Pen { colour: RGBColor(255, 255, 255), width: pen.width + 3, dashed: false };
-    [under, *pen].into_iter().flat_map(|pen| line.iter().map(move |points| Item::line(points.clone(), pen)))
+/// Whether an equilibrium is known to be the only one: |n| l²/EI < π²/4, EI the softest bending stiffness that occurs.
+fn is_safe(mechanism: &Mechanism, e: &Equilibrium) -> bool {
+    let rod = mechanism.rod();
+    let softest = rod.section.softest(e.bending_strain * e.bending_strain);
+    rod.load_number(TipForce::of(e)) * 4.0 / (PI * PI * softest) < 1.0
 }
 
 /// Judges every method on every rod and draws it.
@@ -158,56 +150,40 @@ pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
     for rod in &RODS {
         let mechanism = rod.mechanism()?;
         let truths = parallel(progress, states.len(), |k| truth(&mechanism, states[k].0, states[k].1));
-        let safe: Vec<bool> = states.iter().map(|(load, twist)| limits::is_safe(&mechanism, *load, *twist)).collect();
-        let lines = limits::lines(&mechanism, &grid, progress);
+        let safe: Vec<Option<bool>> =
+            truths.iter().map(|truth| truth.as_ref().ok().map(|e| is_safe(&mechanism, e))).collect();
         for (m, (name, method)) in methods.iter().enumerate() {
             let outcomes = judged(&mechanism, *method, &states, &truths, progress);
-            let title = if m == 0 { format!("{}, l/R {:.0}", rod.title, rod.slenderness()) } else { String::new() };
+            let title = if m == 0 { format!("{}, {:.0} radii", rod.title, rod.slenderness()) } else { String::new() };
             let mut panel = grid.panel(title, |k| outcomes[k].0.look().1);
-            panel.items.extend(lines.iter().zip(&LIMITS).rev().flat_map(limit));
+            panel.items.extend([UNDER, SAFE].into_iter().flat_map(|pen| grid.edges(&safe, pen)));
             let ticks = [0.5, 2.0, 5.0, 10.0].map(|load| (load, format!("{load} N")));
             let x = if m + 1 == methods.len() { panel.x } else { panel.x.unnamed() };
-            panels[m].push(Panel { x, y: Axis::log_named(*name, LOAD_N, ticks.to_vec()), ..panel });
-            rows.extend(grid.states().iter().enumerate().map(|(k, (load, turns))| {
-                let (outcome, evaluations) = outcomes[k];
-                let kind = match outcome {
-                    Outcome::Diverged(e) | Outcome::Refused(e) | Outcome::Limit(e) => e.kind(),
-                    _ => "",
-                };
+            panels[m].push(Panel { x, y: Axis::log_named(in_words(name), LOAD_N, ticks.to_vec()), ..panel });
+            let what = (rod.title, rod.rod_span_m, rod.rod_radius_m, *name);
+            rows.extend(grid.states().iter().zip(&outcomes).zip(&safe).map(|(((load, turns), found), safe)| {
+                let (outcome, evaluations, kind) = *found;
                 let state = (format!("{load:.5}"), format!("{turns:.5}"));
-                (
-                    rod.title,
-                    rod.rod_span_m,
-                    rod.rod_radius_m,
-                    *name,
-                    state,
-                    outcome.look().0,
-                    kind,
-                    safe[k],
-                    evaluations,
-                )
+                (what, state, outcome.look().0, kind, *safe == Some(true), evaluations)
             }));
-            let count = |name: &str| outcomes.iter().filter(|(o, _)| o.look().0 == name).count();
-            let counts = OUTCOMES.iter().map(|(name, ..)| (count(name), name)).filter(|(n, _)| *n > 0);
-            let counts = counts.map(|(n, name)| format!("{n} {name}")).collect::<Vec<_>>().join(", ");
-            let inside = outcomes.iter().zip(&safe).filter(|((o, _), safe)| **safe && o.is_failure()).count();
-            findings.push(format!("{:<18} {name:<18} {counts}; {inside} failures in the safe zone", rod.title));
+            let counts =
+                OUTCOMES.iter().map(|(of, ..)| (outcomes.iter().filter(|(o, ..)| o.look().0 == *of).count(), of));
+            let counts =
+                counts.filter(|(n, _)| *n > 0).map(|(n, of)| format!("{n} {of}")).collect::<Vec<_>>().join(", ");
+            let failed = outcomes.iter().zip(&safe).filter(|((o, ..), safe)| **safe == Some(true) && o.is_failure());
+            let failed = failed.count();
+            findings.push(format!("{:<18} {name:<18} {counts}; {failed} failures in the safe zone", rod.title));
         }
     }
+    let outcomes = OUTCOMES.map(|(_, colour, meaning)| KeyRow::fill(colour, meaning));
     let figure = Figure {
         heading: "Which equilibrium each method finds, over load and twist".into(),
         rows: panels.into_iter().map(Panel::side_by_side).collect(),
         panel_size: (320, 230),
-        blocks: vec![
-            Block::new(OUTCOMES.map(|(_, colour, meaning)| KeyRow::fill(colour, meaning))),
-            Block::new(LIMITS.map(|(pen, meaning)| KeyRow::line(pen, meaning))),
-        ],
+        blocks: Block::split(2, outcomes.into_iter().chain([KeyRow::line(SAFE, "below: only one equilibrium")])),
         notes: vec![format!(
-            "{} x {} states in each panel. The truth is the branch that the unloaded rig leads to, followed in 64 \
-             and more steps of load and of twist. Another branch: more than {:.0} um away. Slow: more than {SLOW} times \
-             the method's usual effort.",
-            CELLS.0,
-            CELLS.1,
+            "Columns: rods by their free length over the radius. The right branch leads to the unloaded actuator; another one \
+             is more than {:.0} µm away. Slow: more than {SLOW} times the method's usual effort.",
             ANOTHER_BRANCH_M * 1e6
         )],
     };

@@ -47,17 +47,17 @@ pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
     let line = |(k, form): (usize, &&str)| KeyRow::line(Pen::solid(colour(k, FORMS.len())), *form);
     let asked: Vec<String> = ASKED_M.iter().map(|asked_m| format!("{:.0}", asked_m * 1e6)).collect();
     let mut notes = vec![format!(
-        "Asked for {} um of contraction, TR in proportion as in the scene; at most {MAX_BYTES} bytes. Of equal accuracy the fit prefers \
+        "Asked for {} µm of contraction, TR in proportion as in the scene; at most {MAX_BYTES} bytes. Of equal accuracy the fit prefers \
          what the board looks up in {LOOKUP_INSTRUCTIONS} instructions. Errors against the \
          full solver on the grid by which candidates are selected.",
         asked.join(", ")
     )];
-    let failed = |(asked_m, found): &Asked| Some(format!("{:.0} um: {}", asked_m * 1e6, found.as_ref().err()?));
+    let failed = |(asked_m, found): &Asked| Some(format!("{:.0} µm: {}", asked_m * 1e6, found.as_ref().err()?));
     notes.extend(fits.iter().filter_map(failed));
     let figure = Figure {
         heading: "Table form and size against error".into(),
         rows: vec![vec![
-            panel(&fits, "largest error of the contraction, um", |e| e.contraction_max_m * 1e6),
+            panel(&fits, "largest error of the contraction, µm", |e| e.contraction_max_m * 1e6),
             panel(&fits, "largest error of TR, %", |e| e.tr_max * 1e2),
         ]],
         panel_size: (560, 400),
@@ -73,7 +73,7 @@ pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
     };
     let finding = |(asked_m, found): &Asked| match found {
         Ok((fit, _)) => format!(
-            "{:.0} um: {FORM} in {} bytes, {:.2} um certified",
+            "{:.0} µm: {FORM} in {} bytes, {:.2} µm certified",
             asked_m * 1e6,
             fit.table.numbers.bytes(),
             fit.error_bounds.errors.contraction_max_m * 1e6
@@ -118,15 +118,8 @@ fn panel(fits: &[Asked], label: &str, error: impl Fn(&Errors) -> f64) -> Panel {
 fn rows((asked_m, found): &Asked) -> Vec<impl Serialize> {
     let asked_m = format!("{asked_m:.1e}");
     let Ok((_, all)) = found else {
-        return vec![(
-            asked_m,
-            "none",
-            (String::new(), String::new()),
-            None,
-            (String::new(), String::new()),
-            None,
-            false,
-        )];
+        let none = <(String, String)>::default;
+        return vec![(asked_m, "none", none(), None, none(), None, false)];
     };
     let row = |c: &Considered| {
         let map = c.load_map.map_or("Linear".into(), |map| format!("{map:?}"));

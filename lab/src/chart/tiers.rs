@@ -1,7 +1,7 @@
 //! The cheapest model over load and twist, and the model and table that each of five scenes needs.
 
 use super::grid::Grid;
-use super::{Inputs, Made, stem};
+use super::{Inputs, Made};
 use crate::{csv, table};
 use anyhow::{Context, Result};
 use rig_config::Scene;
@@ -52,15 +52,8 @@ fn fractions(tiers: &[Tier]) -> String {
 /// # Errors
 /// If a scene has no envelope, or the drawing fails.
 pub fn maps(inputs: &Inputs<'_>) -> Result<Made> {
-    let plateau = inputs.scene_file.with_file_name("niti-plateau.toml");
-    let mut scenes = vec![(stem(inputs.scene_file), inputs.scene.clone())];
-    if plateau != inputs.scene_file
-        && let Ok(other) = Scene::load(&plateau)
-    {
-        scenes.push((stem(&plateau), other));
-    }
     let (mut panels, mut rows, mut findings) = (Vec::new(), Vec::new(), Vec::new());
-    for (name, scene) in &scenes {
+    for (name, scene) in &inputs.with_plateau() {
         let envelope = scene.table_requirement()?.0;
         let (grid, m) = (Grid::new(envelope.load_n, CELLS.0, envelope.turns, CELLS.1), scene.mechanism()?);
         let states = grid.states();
@@ -68,10 +61,10 @@ pub fn maps(inputs: &Inputs<'_>) -> Result<Made> {
         for wanted_m in WANTED_M {
             let wanted = TierError { contraction_m: wanted_m, tr_relative: f64::INFINITY };
             let cells = parallel(inputs.progress, states.len(), |k| cheapest(&m, states[k], wanted));
-            let title = format!("{name}, {:.0} um", wanted_m * 1e6);
+            let title = format!("{name}, {:.0} µm", wanted_m * 1e6);
             let tiers: Vec<Tier> = cells.iter().flatten().map(|(tier, _)| *tier).collect();
             let worst_m = cells.iter().flatten().map(|(_, error_m)| *error_m).fold(0.0, f64::max);
-            findings.push(format!("{title}: {}; worst {:.2} um", fractions(&tiers), worst_m * 1e6));
+            findings.push(format!("{title}: {}; worst {:.2} µm", fractions(&tiers), worst_m * 1e6));
             let colour = |k: usize| cells[k].as_ref().map_or(NO_EQUILIBRIUM, |(tier, _)| COLOURS[*tier as usize]);
             maps.push(grid.panel(title, colour));
             rows.extend(states.iter().zip(&cells).map(|((load_n, turns), cell)| {
@@ -89,7 +82,7 @@ pub fn maps(inputs: &Inputs<'_>) -> Result<Made> {
         heading: "The cheapest model that is good enough for the contraction".into(),
         rows: panels,
         panel_size: (400, 330),
-        blocks: key.chunks(2).map(|rows| Block { rows: rows.to_vec() }).collect(),
+        blocks: Block::split(3, key),
         notes: vec![
             "Each model chosen by its own estimate of its error; the true error against the full model is in the data. \
              Nothing is asked of TR here."

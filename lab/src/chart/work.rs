@@ -46,6 +46,18 @@ impl Way {
     }
 }
 
+/// A method's name in words.
+pub fn in_words(name: &'static str) -> &'static str {
+    match name {
+        "first-integral" => "first integral (ours)",
+        "paper" => "the paper's shooting, damped",
+        "paper, factor 0.5" => "the paper's, damped",
+        "paper, factor 1" => "the paper's, undamped",
+        "adaptive-shooting" => "adaptive shooting",
+        other => other,
+    }
+}
+
 /// Every line from coarse to fine.
 pub fn ways() -> Vec<Way> {
     let mut all = Vec::new();
@@ -95,15 +107,16 @@ pub struct Measured {
     pub states: usize,
 }
 
-/// How long a way is repeated in a round.
+/// How often each way is measured after the first time, and for how long.
+const ROUNDS: usize = 3;
 const LAP: Duration = Duration::from_millis(20);
 
-/// Measures every way over states of the published range: once, and in so many further rounds in which all ways take turns, so that a
+/// Measures every way over states of the published range: once, and in further rounds in which all ways take turns, so that a
 /// disturbance of some seconds affects one round only.
 ///
 /// # Errors
 /// If the reference has no answer.
-pub fn measure(mechanism: &Mechanism, rounds: usize, progress: &Progress<'_>) -> Result<Measured> {
+pub fn measure(mechanism: &Mechanism, progress: &Progress<'_>) -> Result<Measured> {
     let mut states = states(COMPARED.0, COMPARED.1);
     states.retain(|(load, twist)| mechanism.solve(*load, *twist).is_ok());
     let reference = |nodes: usize| {
@@ -115,10 +128,10 @@ pub fn measure(mechanism: &Mechanism, rounds: usize, progress: &Progress<'_>) ->
     let reference_m = exact.iter().zip(&coarser).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
     let mut points: Vec<Point> = ways().into_iter().map(|way| judged(way, mechanism, &states, &exact)).collect();
     let count = points.len();
-    for round in 0..rounds {
+    for round in 0..ROUNDS {
         for (k, point) in points.iter_mut().enumerate() {
             point.seconds = point.seconds.min(lap(point.way, mechanism, &states));
-            progress(round * count + k + 1, rounds * count);
+            progress(round * count + k + 1, ROUNDS * count);
         }
     }
     Ok(Measured { points, reference_m, states: states.len() })

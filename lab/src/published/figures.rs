@@ -2,11 +2,11 @@
 
 use super::comparison::{Comparison, Set, per_cent, relative_error, remark};
 use super::geometry;
-use super::numbers::{Kind, Row, TURNS, changed_mechanism};
+use super::numbers::{Kind, Ratio, RatioQuantity, Row, TURNS, changed_mechanism};
 use crate::curves::{self, Curve, PublishedPoint};
 use crate::scene_key;
 use crate::trace::{End, Trace, trace};
-use anyhow::{Context, Result};
+use anyhow::Result;
 use rig_config::Scene;
 use rig_plant::units::STANDARD_GRAVITY as STANDARD_GRAVITY_M_PER_S2;
 use rigctl::identify::data::Quantity;
@@ -49,7 +49,7 @@ impl Comparison {
     pub fn figures(&self) -> Result<Vec<(String, Figure)>> {
         let mut figures = vec![("published.svg".to_owned(), self.overview()), ("fig06.svg".to_owned(), self.loads())];
         for (number, symbol, others) in SWEEPS {
-            figures.push((format!("fig{number:02}.svg"), self.sweep(number, symbol, others)?));
+            figures.push((format!("fig{number:02}.svg"), self.sweep(number, symbol, others)));
         }
         figures.push(("fig13.svg".to_owned(), self.experiment()?));
         Ok(figures)
@@ -67,17 +67,12 @@ impl Comparison {
     }
 
     /// One of Figs 7 to 11: one parameter varied.
-    fn sweep(&self, number: u32, symbol: &str, others: &[f64]) -> Result<Figure> {
+    fn sweep(&self, number: u32, symbol: &str, others: &[f64]) -> Figure {
         let place = format!("Fig. {number}");
         let changes = self.own_geometry(&place);
         let key = scene_key::full_name(symbol);
-        let mut members = Vec::new();
-        for row in self.rows.iter().filter(|r| r.place == place) {
-            let value = row.changes.rsplit_once('=').map_or("", |(_, value)| value);
-            let number = value.trim().parse().with_context(|| format!("{}: {key} `{value}` is no number", row.id))?;
-            let label = scene_key::shown(key, number);
-            members.push(Member { label, load_n: row.load_n, changes: row.changes.clone() });
-        }
+        let member = |row: &Row| Member { label: varied(row), load_n: row.load_n, changes: row.changes.clone() };
+        let mut members: Vec<Member> = self.rows.iter().filter(|r| r.place == place).map(member).collect();
         let load_n = members.first().map_or(0.0, |m| m.load_n);
         members.extend(others.iter().map(|v| Member {
             label: scene_key::shown(key, *v),
@@ -85,7 +80,7 @@ impl Comparison {
             changes: geometry::with(changes, &format!("{key}={v:?}")),
         }));
         let title = titled_with(&format!("{place}: {symbol} varied, {load_n} N"), changes);
-        Ok(self.against_turns(&title, symbol, &place, &members))
+        self.against_turns(&title, symbol, &place, &members)
     }
 
     /// What differs from Table 1 at a place, where the geometry is inferred.
@@ -155,7 +150,7 @@ impl Comparison {
                 let mark = if remark(&set.numbers[k]).is_some() { " !" } else { "" };
                 format!("{}{mark}", per_cent(relative_error(row.value, &set.numbers[k])))
             };
-            let first = [row.id.clone(), format!("{:.2} {}", row.value, row.unit)];
+            let first = [in_words(row), format!("{:.2} {}", row.value, row.unit)];
             let cells = first.into_iter().chain(self.sets.iter().map(cell)).collect();
             KeyRow { sample: Some(Sample::Mark(curves::shape(row.kind), GREY)), cells }
         });
@@ -166,7 +161,14 @@ impl Comparison {
     fn ratio_block(&self, place: &str) -> Block {
         let rows = self.ratios.iter().enumerate().filter(|(_, ratio)| ratio.place == place).map(|(k, ratio)| {
             let cell = |set: &Set| set.ratios[k].as_ref().map_or_else(|e| e.kind.clone(), |v| format!("{v:.3}"));
-            let first = [ratio.id.clone(), ratio.value.to_string()];
+            let Ratio { quantity, load_n, to_load_n, turns, value, .. } = ratio;
+            let quantity = match quantity {
+                RatioQuantity::Contraction => "contraction",
+                RatioQuantity::Tr => "TR",
+                RatioQuantity::AverageSpeed => "average speed",
+                RatioQuantity::AverageTr => "average TR",
+            };
+            let first = [format!("{quantity}, {load_n} to {to_load_n} N, {turns} turns"), value.to_string()];
             KeyRow::text(first.into_iter().chain(self.sets.iter().map(cell)))
         });
         Block::new([self.head("quoted ratio", "computed", "set")].into_iter().chain(rows))
@@ -176,12 +178,7 @@ impl Comparison {
     fn experiment(&self) -> Result<Figure> {
         let place = "Fig. 13";
         let printed: Vec<&Row> = self.rows.iter().filter(|r| r.place == place).collect();
-        let members = printed.iter().map(|r| Member {
-            // The experiment's mass.
-            label: format!("{:.1} kg", r.load_n / STANDARD_GRAVITY_M_PER_S2),
-            load_n: r.load_n,
-            changes: r.changes.clone(),
-        });
+        let members = printed.iter().map(|r| Member { label: varied(r), load_n: r.load_n, changes: r.changes.clone() });
         let members: Vec<Member> = members.collect();
         let loads = extent(members.iter().map(|m| m.load_n));
         let mut curves = Vec::new();
@@ -216,46 +213,38 @@ impl Comparison {
         Ok(figure)
     }
 
-    /// Every row as the ratio of computed to published, a colour for each set.
+    /// The error of every row, a colour for each set.
     fn overview(&self) -> Figure {
         let (rows, sets) = (&self.rows, &self.sets);
         let mut marks = Vec::new();
         for (k, row) in rows.iter().enumerate() {
             for (s, set) in sets.iter().enumerate() {
                 let Some(error) = relative_error(row.value, &set.numbers[k]) else { continue };
-                // One above the other, where they would hide each other.
-                let aside = 0.22 * (s as f64 - 0.5 * (sets.len() - 1) as f64);
-                let at = (1.0 + error, -(k as f64) - aside);
+                let at = (100.0 * error, Axis::row(k, s, sets.len()));
                 marks.push(Item::mark(at, curves::shape(row.kind), colour(s, sets.len())));
             }
         }
-        let [low, high] = extent(marks.iter().flat_map(Item::points).map(|p| p.0).chain([0.85, 1.15]));
-        let steps: &[f64] = if high / low > 2.5 {
-            &[-0.9, -0.75, -0.5, -0.25, 0.0, 0.5, 1.0, 2.0, 4.0, 9.0]
-        } else {
-            &[-0.5, -0.4, -0.3, -0.2, -0.1, -0.05, 0.0, 0.05, 0.1, 0.2, 0.3, 0.5, 0.75]
+        let errors = extent(marks.iter().flat_map(Item::points).map(|p| p.0).chain([-5.0, 5.0]));
+        let name = |row: &Row| format!("{} ({})", in_words(row), row.place);
+        let marked = |(k, row): (usize, &Row)| match () {
+            () if sets.iter().any(|set| set.numbers[k].is_err()) => name(row) + " refused",
+            () if sets.iter().any(|set| remark(&set.numbers[k]).is_some()) => name(row) + " !",
+            () => name(row),
         };
-        let ticks =
-            steps.iter().map(|e| (1.0 + e, format!("{:+.0} %", 100.0 * e).replace("+0", "0").replace('-', "−")));
-        let x = Axis::log_named("computed against published", [low / 1.06, high * 1.06], ticks.collect());
-        let name = |(k, row): (usize, &Row)| match () {
-            () if sets.iter().any(|set| set.numbers[k].is_err()) => format!("{} (refused)", row.id),
-            () if sets.iter().any(|set| remark(&set.numbers[k]).is_some()) => format!("{} !", row.id),
-            () => row.id.clone(),
-        };
-        let zero = Item::line([(1.0, 0.6), (1.0, 0.4 - rows.len() as f64)], Pen::solid(GREY).wide(1));
+        let zero = Item::line([(0.0, 0.6), (0.0, 0.4 - rows.len() as f64)], Pen::solid(GREY).wide(1));
         let scene = |(s, set): (usize, &Set)| KeyRow::line(Pen::solid(colour(s, sets.len())).wide(6), &set.name);
         let note = |(k, row): (usize, &Row)| {
-            let of_set = |set: &Set| Some(format!("! {} with {}: {}", row.id, set.name, remark(&set.numbers[k])?));
+            let of_set = |set: &Set| Some(format!("! {} with {}: {}", name(row), set.name, remark(&set.numbers[k])?));
             sets.iter().filter_map(of_set).collect::<Vec<_>>()
         };
-        let names = Axis::names(rows.iter().enumerate().map(name));
+        let x = Axis::linear("computed less published, % of the published", errors);
+        let names = Axis::names(rows.iter().enumerate().map(marked));
         Figure {
-            heading: "Every number that the paper prints: relative error of the computed one".into(),
+            heading: "Every number that the paper prints: error of the computed one".into(),
             rows: vec![vec![Panel::new("", x, names, [zero].into_iter().chain(marks))]],
-            panel_size: (1000, 130 + (20 + 4 * sets.len() as u32) * rows.len() as u32),
+            panel_size: (900, 130 + (20 + 4 * sets.len() as u32) * rows.len() as u32),
             blocks: vec![
-                Block::new([KeyRow::text(["scene"])].into_iter().chain(sets.iter().enumerate().map(scene))),
+                Block::new(sets.iter().enumerate().map(scene)),
                 Block::new([
                     KeyRow::mark(curves::shape(Kind::Theory), GREY, "the paper's theory"),
                     KeyRow::mark(curves::shape(Kind::Experiment), GREY, "the paper's experiment"),
@@ -264,6 +253,34 @@ impl Comparison {
             notes: rows.iter().enumerate().flat_map(note).collect(),
         }
     }
+}
+
+/// The parameter that is varied at a number's place, if any.
+fn swept(row: &Row) -> Option<&'static str> {
+    SWEEPS.iter().find(|(number, ..)| row.place == format!("Fig. {number}")).map(|(_, symbol, _)| *symbol)
+}
+
+/// What differs between the numbers of a place: the varied parameter, or the load, which is a mass in the experiments.
+fn varied(row: &Row) -> String {
+    let value = swept(row).and_then(|symbol| {
+        let value = row.changes.rsplit_once('=')?.1.trim().parse().ok()?;
+        Some(scene_key::shown(scene_key::full_name(symbol), value))
+    });
+    value.unwrap_or_else(|| match row.kind {
+        Kind::Theory => format!("{} N", row.load_n),
+        Kind::Experiment => format!("{:.1} kg", row.load_n / STANDARD_GRAVITY_M_PER_S2),
+    })
+}
+
+/// A number's quantity, its turns where it has several, and what differs at its place.
+fn in_words(row: &Row) -> String {
+    let quantity = match row.group() {
+        Quantity::Tr => format!("TR at {} turns", row.turns()),
+        Quantity::Span => format!("span of the rods at {} turns", row.turns()),
+        Quantity::Contraction | Quantity::Gap => "contraction".into(),
+    };
+    let of = swept(row).map_or(String::new(), |symbol| format!("{symbol} = "));
+    format!("{quantity}, {of}{}", varied(row))
 }
 
 fn titled_with(title: &str, changes: &str) -> String {

@@ -73,9 +73,14 @@ impl Axis {
     }
 
     /// Names from top to bottom, the `k`th at −k.
-    pub fn names(names: impl IntoIterator<Item = String>) -> Self {
-        let ticks: Vec<(f64, String)> = names.into_iter().enumerate().map(|(k, n)| (-(k as f64), n)).collect();
+    pub fn names<T: Into<String>>(names: impl IntoIterator<Item = T>) -> Self {
+        let ticks: Vec<(f64, String)> = names.into_iter().enumerate().map(|(k, n)| (-(k as f64), n.into())).collect();
         Self { label: String::new(), low: 0.4 - ticks.len() as f64, high: 0.6, log: false, ticks }
+    }
+
+    /// Where the `k`th of `of` marks of one of these names stands: above each other, so that none hides another.
+    pub fn row(name: usize, k: usize, of: usize) -> f64 {
+        0.3 - 0.6 * (k as f64 + 0.5) / of as f64 - name as f64
     }
 
     /// Where a value stands on a straight scale.

@@ -217,6 +217,12 @@ impl Block {
     pub fn new(rows: impl IntoIterator<Item = KeyRow>) -> Self {
         Self { rows: rows.into_iter().collect() }
     }
+
+    /// The same lines in so many blocks of equal height.
+    pub fn split(count: usize, rows: impl IntoIterator<Item = KeyRow>) -> Vec<Self> {
+        let rows: Vec<KeyRow> = rows.into_iter().collect();
+        rows.chunks(rows.len().div_ceil(count).max(1)).map(|rows| Self::new(rows.to_vec())).collect()
+    }
 }
 
 impl KeyRow {
