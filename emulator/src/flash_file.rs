@@ -3,7 +3,7 @@
 use crate::machine::Machine;
 use anyhow::{Context, Result, bail};
 use rig_config::files;
-use rig_plant::rig::Rig;
+use rig_plant::rig::EmulatedRig;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
@@ -22,7 +22,7 @@ impl FlashFile {
     ///
     /// # Errors
     /// If it cannot be read or is no image of this flash; names it.
-    pub fn open(path: &Path, machine: &mut Machine<Rig>) -> Result<Self> {
+    pub fn open(path: &Path, machine: &mut Machine<EmulatedRig>) -> Result<Self> {
         let held = read(path)?;
         if let Some(image) = &held {
             machine.set_flash_image(image).with_context(|| format!("flash {}", path.display()))?;
@@ -35,7 +35,7 @@ impl FlashFile {
     ///
     /// # Errors
     /// If it cannot be written, or another board has written it meanwhile; names it.
-    pub fn follow(&mut self, machine: &Machine<Rig>) -> Result<()> {
+    pub fn follow(&mut self, machine: &Machine<EmulatedRig>) -> Result<()> {
         let image = machine.flash_image();
         if image != self.image {
             if read(&self.path)? != self.held {

@@ -10,7 +10,7 @@ use rig_emulator::machine::{Config, Machine, MachineError};
 use rig_emulator::serve::serve;
 use rig_emulator::soc::fault::Lint;
 use rig_plant::PlantSettings;
-use rig_plant::rig::Rig;
+use rig_plant::rig::EmulatedRig;
 use rig_plant::rig::outside::Outside;
 use rig_plant::rig::outside::measured::Measured;
 use rig_plant::{PlantChange, RigPreset};
@@ -168,13 +168,13 @@ fn run(arguments: &Arguments) -> Result<()> {
     let scene = Scene::load(scene_file)?;
     scene.check_rig().map_err(|error| error.in_file(scene_file))?;
     let rig = match outside(arguments)? {
-        Some(outside) => Rig::from_outside(&scene, arguments.rig, &arguments.plant, arguments.seed, &outside)?,
+        Some(outside) => EmulatedRig::from_outside(&scene, arguments.rig, &arguments.plant, arguments.seed, &outside)?,
         None => {
             let mut settings = PlantSettings::preset(arguments.rig, arguments.seed);
             for change in &arguments.plant {
                 settings.apply(*change)?;
             }
-            Rig::new(&scene, settings, arguments.seed)?
+            EmulatedRig::new(&scene, settings, arguments.seed)?
         }
     };
     let mut machine = Machine::new(&elf, rig, config)?;

@@ -3,7 +3,7 @@
 use crate::flash_file::FlashFile;
 use crate::machine::{Machine, MachineError};
 use rig_plant::board::Stimulus;
-use rig_plant::rig::{HOST_USART, Rig};
+use rig_plant::rig::{EmulatedRig, HOST_USART};
 use rig_plant::{Answer, ChipFault, Fault, Request, Run, Stats};
 use std::io::{self, Write};
 
@@ -20,7 +20,7 @@ const LOOK_AT_PLANT_S: f64 = 0.01;
 /// # Errors
 /// When standard output is gone, or the file of the flash cannot be written.
 pub fn serve(
-    machine: &mut Machine<Rig>,
+    machine: &mut Machine<EmulatedRig>,
     mut flash: Option<FlashFile>,
     requests: impl Iterator<Item = io::Result<String>>,
     mut output: impl Write,
@@ -51,7 +51,7 @@ fn failure(kind: &str, message: impl ToString) -> Answer {
     Answer::Error { kind: kind.into(), message: message.to_string() }
 }
 
-fn answer(machine: &mut Machine<Rig>, request: Request) -> Answer {
+fn answer(machine: &mut Machine<EmulatedRig>, request: Request) -> Answer {
     match request {
         Request::Run { until_s, uart } => return run(machine, until_s, uart),
         Request::Stats => return Answer::Stats(stats(machine)),
@@ -78,7 +78,7 @@ fn answer(machine: &mut Machine<Rig>, request: Request) -> Answer {
     Answer::Done
 }
 
-fn chip_fault(machine: &mut Machine<Rig>, fault: ChipFault, on: bool) -> Result<(), MachineError> {
+fn chip_fault(machine: &mut Machine<EmulatedRig>, fault: ChipFault, on: bool) -> Result<(), MachineError> {
     match fault {
         ChipFault::TaskHang => machine.hang(on),
         ChipFault::AdcStall => machine.soc_mut().stall_adc(on),
@@ -98,7 +98,7 @@ fn chip_fault(machine: &mut Machine<Rig>, fault: ChipFault, on: bool) -> Result<
     Ok(())
 }
 
-fn run(machine: &mut Machine<Rig>, until_s: f64, uart: Vec<u8>) -> Answer {
+fn run(machine: &mut Machine<EmulatedRig>, until_s: f64, uart: Vec<u8>) -> Answer {
     let now_s = machine.now_s();
     if !until_s.is_finite() || until_s > now_s + LONGEST_RUN_S {
         return failure("request", format!("until_s {until_s} is more than {LONGEST_RUN_S} s after {now_s}"));
@@ -126,7 +126,7 @@ fn run(machine: &mut Machine<Rig>, until_s: f64, uart: Vec<u8>) -> Answer {
 }
 
 /// Runs to a time, or to shortly after the plant's program has failed.
-fn run_until(machine: &mut Machine<Rig>, until_s: f64) -> Result<(), MachineError> {
+fn run_until(machine: &mut Machine<EmulatedRig>, until_s: f64) -> Result<(), MachineError> {
     if machine.board().plant().built_in().is_some() {
         return machine.run_until(until_s);
     }
@@ -139,7 +139,7 @@ fn run_until(machine: &mut Machine<Rig>, until_s: f64) -> Result<(), MachineErro
     Ok(())
 }
 
-fn stats(machine: &Machine<Rig>) -> Stats {
+fn stats(machine: &Machine<EmulatedRig>) -> Stats {
     let stats = machine.stats();
     Stats {
         instructions_per_tick_mean: stats.tick.instructions_mean,

@@ -51,7 +51,7 @@ impl Field {
         Self { rigs: rigs.into_iter().map(of).collect(), threads }
     }
 
-    /// All seven by name, tuned on the first so many of the rigs for loads that are back within a distance (m).
+    /// All seven by name, tuned on the first N of the rigs for loads that are back within a distance (m).
     pub fn baselines(&self, tuned_on: usize, within_m: f64) -> Vec<(&'static str, Law)> {
         // Begins near what earlier searches found, which only saves time: its first steps are wide.
         let fixed = Loop { gain_per_s: 6.0, corner_rad_per_s: 30.0, ..untuned() };

@@ -9,7 +9,7 @@ use rig_link::messages::{
 };
 use rig_link::{Accepted, Decoder, Versions, encode};
 use rig_plant::board::Stimulus;
-use rig_plant::rig::Rig;
+use rig_plant::rig::EmulatedRig;
 use std::process::Command;
 use tsa_table::Table;
 use tsa_table::record::RECORD_MAX;
@@ -66,7 +66,7 @@ pub struct LongestTick {
 /// A host on one side, the emulated board on the other.
 pub struct Bench {
     /// The board with its rig.
-    pub machine: Machine<Rig>,
+    pub machine: Machine<EmulatedRig>,
     /// Every event so far.
     pub events: Vec<EventKind>,
     /// Replies that came, newest last.
@@ -120,7 +120,7 @@ impl Bench {
     }
 
     fn boot(elf: &[u8], scene: &Scene, config: Config, keys: &[(&str, &str)], seed: u64) -> Self {
-        let rig = Rig::new(scene, rig_plant::bench::settings(keys), seed).unwrap_or_else(|e| panic!("{e}"));
+        let rig = EmulatedRig::new(scene, rig_plant::bench::settings(keys), seed).unwrap_or_else(|e| panic!("{e}"));
         let mut machine = Machine::new(elf, rig, config).unwrap_or_else(|e| panic!("{e}"));
         assert!(machine.watch_function("control_tick"), "the ELF has no control_tick");
         Self {
@@ -207,12 +207,12 @@ impl Bench {
         }
     }
 
-    /// For so many seconds.
+    /// For the given time (s).
     pub fn run(&mut self, seconds: f64) {
         self.until(seconds, |_| false);
     }
 
-    /// Until `done`, at most so many seconds; whether it was done.
+    /// Until `done`, at most the given number of seconds; whether it was done.
     pub fn until(&mut self, seconds: f64, mut done: impl FnMut(&Self) -> bool) -> bool {
         for _ in 0..(seconds * 100.0) as u64 {
             self.step();

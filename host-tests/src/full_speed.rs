@@ -72,7 +72,7 @@ pub fn under_steps(subject: &Subject) -> Vec<Outcome> {
     moves.collect()
 }
 
-/// One move to a target (m), on which the load changes after so many ticks to another weight (kg).
+/// One move to a target (m), on which the load changes after the given number of ticks to another weight (kg).
 fn go(bench: &mut ControlBench, target_m: f32, step: Option<(u32, f64)>, what: String) -> Outcome {
     bench.run(REST_S);
     let before_rad = bench.truth().twist_rad;

@@ -18,7 +18,7 @@ pub mod speed;
 pub mod study;
 pub mod sweep;
 
-pub use rig_plant::bench::{ControlBench, ControlTick, Controller, Tamper, constants, scene, table};
+pub use rig_plant::bench::{ControlBench, ControlLaw, ControlTick, Tamper, constants, scene, table};
 use std::path::{Path, PathBuf};
 
 /// The repository.

@@ -4,9 +4,9 @@
 use crate::physical_limit::Oscillation;
 use crate::rigs::subject::Subject;
 use crate::study::each;
-use crate::{ControlBench, Controller, constants, table};
+use crate::{ControlBench, ControlLaw, constants, table};
 use lab::chart::margin::DAMPING;
-use rig_control::{Rig as Control, TICK_S};
+use rig_control::{Controller, TICK_S};
 use rig_link::messages::{LoadChoice, State};
 use rig_plant::units::STANDARD_GRAVITY;
 use std::fmt;
@@ -51,7 +51,7 @@ pub struct Outcome {
     pub motor_s: f64,
     /// The change; `None` for a move.
     pub step: Option<Step>,
-    /// What the load's swing and the motor allow; `None` for a move.
+    /// What the load's oscillation and the motor allow; `None` for a move.
     pub oscillation: Option<Oscillation>,
     /// Where the strings stood when the load had changed, from its place (m).
     pub away_m: f64,
@@ -75,12 +75,12 @@ impl Outcome {
         }
     }
 
-    /// Minimum time (s) that motor and swing allow to come within a distance (m) of the place.
+    /// Minimum time (s) that motor and oscillation allow to come within a distance (m) of the place.
     pub fn limit_s(&self, within_m: f64) -> Option<f64> {
         self.oscillation?.min_time_s(self.away_m, within_m)
     }
 
-    /// Time to come back over the least that motor and swing allow; `None` if the load did not come back, or if the limit is not
+    /// Time to come back over the least that motor and oscillation allow; `None` if the load did not come back, or if the limit is not
     /// known.
     pub fn over_limit(&self, within_m: f64) -> Option<f64> {
         Some(self.settled_s(within_m)? / self.limit_s(within_m)?)
@@ -165,7 +165,7 @@ pub fn all(subject: &Subject, threads: usize) -> Vec<Outcome> {
 /// In words, if it cannot be homed.
 pub fn homed_under(subject: &Subject, load_kg: f64) -> Result<ControlBench, String> {
     let rig = subject.switched_on(load_kg * STANDARD_GRAVITY).map_err(|e| e.to_string())?;
-    let mut bench = ControlBench::on(rig, Control::new(table(), constants(), None));
+    let mut bench = ControlBench::on(rig, Controller::new(table(), constants(), None));
     bench.home()?;
     bench.run(0.5);
     Ok(bench)
@@ -191,13 +191,13 @@ fn begin(bench: &mut ControlBench, step: Step) -> Result<(), String> {
 ///
 /// # Errors
 /// In words, if the rig cannot carry it.
-pub fn hang<C: Controller>(bench: &mut ControlBench<C>, load_kg: f64) -> Result<(), String> {
+pub fn hang<C: ControlLaw>(bench: &mut ControlBench<C>, load_kg: f64) -> Result<(), String> {
     bench.rig.set_plant("load", &format!("{load_kg}kg")).map_err(|e| e.to_string())
 }
 
 /// Watches a load for a time (s): its distances from its target (m), every tick, as the sensor has them. `tick` moves the bench on
 /// and tells the position (m) that the sensor shows.
-pub fn errors_m<C: Controller>(
+pub fn errors_m<C: ControlLaw>(
     bench: &mut ControlBench<C>,
     (target_m, seconds): (f32, f64),
     mut tick: impl FnMut(&mut ControlBench<C>) -> Option<f32>,

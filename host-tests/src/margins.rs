@@ -9,7 +9,7 @@ use crate::rigs::subject::Subject;
 use crate::study::{Rigs, Study, each};
 use crate::{ControlBench, scene};
 use anyhow::{Result, anyhow};
-use lab::chart::margin::{Controller, Hung};
+use lab::chart::margin::{LinearLoop, OperatingPoint};
 use rig_control::{Inputs, LvdtBlock, TICK_S};
 use rig_link::messages::{LoadChoice, State};
 use rig_plant::units::STANDARD_GRAVITY;
@@ -23,7 +23,7 @@ const LOADS_KG: [f64; 3] = [0.2, 0.6, 1.2];
 const POSITIONS_M: [f32; 3] = [0.002, 0.008, 0.014];
 /// Fraction of its weight that the load keeps.
 const KEPT: f64 = 0.95;
-/// How long the load may swing after that, and how long it is then watched (s).
+/// How long the load may oscillate after that, and how long it is then watched (s).
 const CALM_AFTER_S: f64 = 6.0;
 const WATCHED_S: f64 = 2.0;
 /// A load that still moves by so much (m) swings.
@@ -68,7 +68,7 @@ impl Loosened {
 ///
 /// # Errors
 /// In words, where the mechanism has no equilibrium.
-pub fn hung_at(mechanism: &Mechanism, load_n: f64, height_m: f64) -> Result<Hung, String> {
+pub fn hung_at(mechanism: &Mechanism, load_n: f64, height_m: f64) -> Result<OperatingPoint, String> {
     let gap = |twist: f64| mechanism.solve(load_n, twist).map(|e| e.gap_m).map_err(|e| e.to_string());
     let (mut low, mut high) = (twist_from_turns(0.0), twist_from_turns(7.5));
     let wanted = gap(low)? - height_m;
@@ -76,10 +76,10 @@ pub fn hung_at(mechanism: &Mechanism, load_n: f64, height_m: f64) -> Result<Hung
         let middle = 0.5 * (low + high);
         if gap(middle)? > wanted { low = middle } else { high = middle }
     }
-    Hung::at(mechanism, load_n, low).map_err(|e| e.to_string())
+    OperatingPoint::at(mechanism, load_n, low).map_err(|e| e.to_string())
 }
 
-/// How far the load still swings (m), some time after it has kept only a fraction of its weight.
+/// How far the load still oscillates (m), some time after it has kept only a fraction of its weight.
 ///
 /// # Errors
 /// In words, if the board no longer holds the load.
@@ -169,7 +169,7 @@ fn table(found: &[(String, f32, Margins)]) -> Study {
 }
 
 /// The margins at a place: computed, with the table's mechanism and no friction, and measured. Of those measured the last with
-/// which the load came to rest: the next step was too much, unless it is the maximum that was tried. `None` if the load swings
+/// which the load came to rest: the next step was too much, unless it is the maximum that was tried. `None` if the load oscillates
 /// without a change of the loop.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Margins {
@@ -213,7 +213,7 @@ impl Place {
         let last = |at: fn(i32) -> Loosened| (0..=TRIED).map(at).take_while(|loosened| rests(*loosened)).last();
         let mechanism = scene().mechanism().map_err(|e| e.to_string())?;
         let hung = hung_at(&mechanism, KEPT * self.load_kg * STANDARD_GRAVITY, self.at_m.into())?;
-        let firmware = Controller::damped();
+        let firmware = LinearLoop::damped();
         Ok(Margins {
             gain: (hung.gain_margin(&firmware), last(by_gain).map(|loosened| loosened.gain)),
             delay_s: (hung.delay_margin(&firmware, max().delay_s), last(by_delay).map(|loosened| loosened.delay_s)),

@@ -1,8 +1,8 @@
 //! The least time in which a load that hangs by elastic strings can be brought to rest at its place, by whatever control.
 //!
 //! In the load's coordinates (docs/explanation/control.md 1) the strings set where the load would rest, q, by the speed
-//! u, which the motor limits with its change; the load swings about it, p'' = ω² (q − p) − d p'. With u constant in
-//! each tick everything is linear in the u of the ticks, and whether the load can be at rest after so many ticks is a
+//! u, which the motor limits with its change; the load oscillates about it, p'' = ω² (q − p) − d p'. With u constant in
+//! each tick everything is linear in the u of the ticks, and whether the load can be at rest after the given number of ticks is a
 //! linear programme. Coulomb friction is left out: it calms an oscillation as well, so that a light load may be faster than
 //! this.
 

@@ -141,7 +141,7 @@ pub struct Rigs {
 }
 
 impl Rigs {
-    /// Seeds of so many rigs, unless the user has asked for others.
+    /// Seeds of the given number of rigs, unless the user has asked for others.
     pub fn seeds(&self, count: u64) -> std::ops::Range<u64> {
         let first = self.seed.unwrap_or(1001);
         first..first + self.rigs.unwrap_or(count)
@@ -153,7 +153,7 @@ impl Rigs {
     }
 }
 
-/// `f` of every item, on so many threads, in the items' order.
+/// `f` of every item, on the given number of threads, in the items' order.
 pub fn each<T: Sync, R: Send>(jobs: usize, items: &[T], f: impl Fn(&T) -> R + Sync) -> Vec<R> {
     parallel_on(jobs, &|_, _| {}, items.len(), |k| f(&items[k]))
 }

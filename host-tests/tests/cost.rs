@@ -4,7 +4,7 @@
 use host_tests::{root, scene};
 use rig_emulator::machine::{Config, Machine};
 use rig_plant::PlantSettings;
-use rig_plant::rig::Rig;
+use rig_plant::rig::EmulatedRig;
 use table_forms::considered::peers;
 use tsa_table::instruction_model::lookup_instructions;
 
@@ -87,7 +87,7 @@ fn worst(states: &[State], way: usize, answer: Answer) -> f64 {
 fn no_way_to_evaluate_the_mechanism_becomes_slower() {
     let path = root().join("target/firmware/tsa-cost.elf");
     let elf = std::fs::read(&path).unwrap_or_else(|e| panic!("{}: {e}; `cargo xtask cost` builds it", path.display()));
-    let rig = Rig::new(scene(), PlantSettings::default(), 1).unwrap();
+    let rig = EmulatedRig::new(scene(), PlantSettings::default(), 1).unwrap();
     let mut machine = Machine::new(&elf, rig, Config::default()).unwrap();
     for (symbol, ..) in WAYS {
         assert!(machine.watch_function(symbol) || symbol == INTERPN, "the image has no {symbol}");

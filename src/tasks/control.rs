@@ -10,14 +10,14 @@ use embassy_stm32::peripherals::TIM3;
 use embassy_stm32::timer::qei::Qei;
 use embassy_time::{Duration, Instant, Ticker};
 use rig_control::sensors::EncoderCount;
-use rig_control::{DriveCommand, Inputs, Outputs, Rig, TICK_US};
+use rig_control::{Controller, DriveCommand, Inputs, Outputs, TICK_US};
 use rig_link::messages::{Counters, Fault, Message, Request, State, Telemetry};
 use static_cell::StaticCell;
 
 /// One tick: the step, then the telemetry of it. Named and kept apart so that its instructions can be counted.
 #[unsafe(no_mangle)]
 #[inline(never)]
-fn control_tick(rig: &mut Rig, inputs: &Inputs, longest_tick_us: u32) -> (Outputs, Telemetry) {
+fn control_tick(rig: &mut Controller, inputs: &Inputs, longest_tick_us: u32) -> (Outputs, Telemetry) {
     let outputs = rig.step(inputs);
     let counters = Counters {
         link_errors: shared::LINK_ERRORS.load(Ordering::Relaxed),
@@ -34,9 +34,9 @@ pub async fn run(encoder: Qei<'static, TIM3>, mut switches: Switches, mut leds: 
     let settings = shared::SETTINGS_CORRUPT.load(Ordering::Relaxed).then_some(Fault::SettingsCorrupt);
     // Settings first: the reset cause is also reported in the identity message, corrupt settings only by this fault.
     let reset = settings.or(start.fault());
-    static CONTROL: StaticCell<Rig> = StaticCell::new();
+    static CONTROL: StaticCell<Controller> = StaticCell::new();
     // The black box keeps the compiler from checking the table's checksum at compile time: the table in flash is checked.
-    let rig = CONTROL.init(Rig::new(core::hint::black_box(&TABLE), RIG, reset));
+    let rig = CONTROL.init(Controller::new(core::hint::black_box(&TABLE), RIG, reset));
     let (settings, mut settings_count) = shared::SETTINGS.get();
     rig.set_up(&settings);
     let mut count = EncoderCount::new(encoder.count());

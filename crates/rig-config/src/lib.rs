@@ -22,7 +22,7 @@ pub mod uncertainty;
 
 pub use checks::Residual;
 pub use error::{SceneError, TableError};
-pub use rig::{DriveTransport, Rig};
+pub use rig::{DriveTransport, RigConfig};
 pub use scene::{Envelope, Scene};
 pub use tsa_table::Accuracy;
 pub use uncertainty::Uncertainty;

@@ -8,7 +8,7 @@ use tsa_model::error::{positive, require};
 /// The rig: motor, gear, drive, sensors. All defaults are assumed, not measured.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
-pub struct Rig {
+pub struct RigConfig {
     /// Motor turns per output turn, numerator and denominator.
     pub gear_ratio: [u32; 2],
     /// Encoder lines per motor turn (ENX16 EASY: 1024); quadrature counts are four times as many.
@@ -59,7 +59,7 @@ pub enum DriveTransport {
     Uart,
 }
 
-impl Default for Rig {
+impl Default for RigConfig {
     fn default() -> Self {
         Self {
             gear_ratio: [62, 1],
@@ -85,7 +85,7 @@ impl Default for Rig {
     }
 }
 
-impl Rig {
+impl RigConfig {
     /// Gear ratio as a number.
     pub fn gear(&self) -> f64 {
         f64::from(self.gear_ratio[0]) / f64::from(self.gear_ratio[1])

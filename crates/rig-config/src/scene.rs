@@ -1,7 +1,7 @@
 //! A scene: the mechanism's constants, the rig around it, and what a table must cover.
 
 use crate::error::{SceneError, TableError};
-use crate::rig::Rig;
+use crate::rig::RigConfig;
 use crate::uncertainty::Uncertainty;
 use rig_control::RigConstants;
 use serde::de::Error;
@@ -31,7 +31,7 @@ pub struct Scene {
     pub correction: Option<Correction>,
     /// The rig around the mechanism; assumed values where left out.
     #[serde(default)]
-    pub rig: Rig,
+    pub rig: RigConfig,
     /// How well the mechanism's constants are known.
     #[serde(default, skip_serializing_if = "Uncertainty::is_default")]
     pub uncertainty: Uncertainty,

@@ -10,7 +10,7 @@
 //! - [`homing`]: zero twist without switches, then load, friction, scale of the twist and gap curve, with their errors.
 //! - [`observer`]: the load and its stated error, from twist and gap; [`hysteresis`]: what the rods remember; [`adaptation`]: slow
 //!   drift of the strings.
-//! - [`load_motion`]: how the load swings on its strings, and how it will move when a command acts.
+//! - [`load_motion`]: how the load oscillates on its strings, and how it will move when a command acts.
 //! - [`move_check`]: whether a move is possible.
 //! - [`limits`]: what the motor allows of a move; [`planner`]: acceleration- and jerk-limited motion, and how long it will take.
 //! - [`position_loop`]: set-point and motion of the load to twist speed, damping the oscillation; [`friction_compensation`]: the rail's friction
@@ -43,7 +43,7 @@ pub mod supervisor;
 pub use constants::RigConstants;
 pub use rmds405::DriveCommand;
 pub use sensors::{DriveReading, LvdtBlock, LvdtReading, SupplyReading};
-pub use supervisor::{Inputs, Outputs, Rig};
+pub use supervisor::{Controller, Inputs, Outputs};
 
 /// Control period (s): one tick, one drive command, one telemetry message. The drive's recommended data period
 /// (crates/rmds405/README.md 2.5) and its feedback period.

@@ -19,7 +19,7 @@ const ACCELERATION_FRACTION: f32 = 0.5;
 const MIN_SPARE: f32 = 0.1;
 /// Share below which it is the current that delays a move.
 const LITTLE_SPARE: f32 = 0.5;
-/// Minimum time (s) in which a move gets up to its speed, and the same in 1/ω of the load's swing.
+/// Minimum time (s) in which a move gets up to its speed, and the same in 1/ω of the load's oscillation.
 const RISE_S: f32 = 0.09;
 const RISE_OSCILLATIONS: f32 = 4.0;
 /// Halvings of the search for the peak speed of a move that is too short for its speed: to a millionth of that speed.
@@ -37,7 +37,7 @@ pub struct Limits {
 }
 
 /// Time (s) in which a move gets up to its speed under a load (N) where the gap grows with the load by so much (m/N): so long that
-/// the load hardly swings.
+/// the load hardly oscillates.
 pub fn rise_s(load_n: f32, dgap_dload_m_per_n: f32) -> f32 {
     // ω² = k/m, k = 1/(∂G/∂F), m = F/g.
     let frequency = libm::sqrtf(STANDARD_GRAVITY_M_PER_S2 / (load_n * dgap_dload_m_per_n));
@@ -107,7 +107,7 @@ impl Limits {
         if at_speed >= 0.0 {
             return 2.0 * self.rise_s(speed) + at_speed / speed;
         }
-        // Greatest speed v: v · rise(v) = distance.
+        // Maximum speed v: v · rise(v) = distance.
         let slow = libm::cbrtf(0.25 * distance * distance * jerk);
         let peak = if slow * jerk < acceleration * acceleration {
             slow

@@ -58,7 +58,7 @@ impl LoadMotion {
         self.weight_n / STANDARD_GRAVITY_M_PER_S2
     }
 
-    /// Square of the frequency at which the load swings here ((rad/s)²).
+    /// Square of the frequency at which the load oscillates here ((rad/s)²).
     pub fn frequency_squared(&self) -> f32 {
         self.stiffness_n_per_m / self.mass_kg()
     }

@@ -1,6 +1,6 @@
 //! The position loop: from where the load should be and how it moves to how fast the strings turn.
 //!
-//! In coordinates of the load the strings set where it would come to rest, q, and the load swings about that:
+//! In coordinates of the load the strings set where it would come to rest, q, and the load oscillates about that:
 //! `p'' = ω² (q − p)`, `q' = u`, with ω² = k/m at this load and twist, and u turned into twist speed by TR. Feedback of p, p'
 //! and q places the three poles of this plant ([`GAINS`], docs/explanation/control.md 3): the oscillation is damped, and a
 //! motor that is at its limit for most of the way still brings the load to rest without an overshoot. A wanted motion r
@@ -26,7 +26,7 @@ pub const GAINS: [f32; 3] = {
 /// Fraction of the strings' maximum speed that damping the oscillation may use. With more, strings whose load has just become heavier would
 /// turn back and forth to damp its oscillation instead of taking it back to its place.
 const DAMPING_FRACTION: f32 = 0.8;
-/// Frequency of the load's swing (rad/s) from which the gains no longer grow with it, and from which those that damp it fall: the
+/// Frequency of the load's oscillation (rad/s) from which the gains no longer grow with it, and from which those that damp it fall: the
 /// observer is then hardly faster than the load.
 pub const FULL_PER_S: f32 = 0.5 * OBSERVER_PER_S;
 const THIN_PER_S: f32 = 0.8 * OBSERVER_PER_S;

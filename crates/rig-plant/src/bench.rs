@@ -3,12 +3,12 @@
 //! timing) is tested with the ELF on the emulated board.
 
 use crate::board::{Board, CanFrame, Stimulus};
-use crate::rig::Rig;
+use crate::rig::EmulatedRig;
 use crate::{PlantSettings, Truth};
 use rig_config::Scene;
 use rig_control::sensors::EncoderCount;
 use rig_control::supervisor::Events;
-use rig_control::{DriveCommand, Inputs, LvdtBlock, Outputs, Rig as Control, RigConstants, TICK_S};
+use rig_control::{Controller, DriveCommand, Inputs, LvdtBlock, Outputs, RigConstants, TICK_S};
 use rig_link::messages::{Accepted, Counters, EventKind, LoadChoice, Refusal, Request, Sensors, State, Telemetry};
 use rmds405::{Address, Conversation, Received, Report};
 use std::sync::{Arc, OnceLock};
@@ -53,7 +53,7 @@ const BLOCK: usize = 256;
 const SAMPLE_S: f64 = 492.0 / 21e6;
 
 /// What decides about the rig, once a tick: the firmware's control code, or something to hold it against.
-pub trait Controller {
+pub trait ControlLaw {
     /// What it decided.
     type Decision: Clone;
 
@@ -84,11 +84,11 @@ pub struct ControlTick {
     pub sensors: Sensors,
 }
 
-impl Controller for Control {
+impl ControlLaw for Controller {
     type Decision = ControlTick;
 
     fn step(&mut self, inputs: &Inputs) -> ControlTick {
-        let Outputs { drive, reply, events, .. } = Control::step(self, inputs);
+        let Outputs { drive, reply, events, .. } = Controller::step(self, inputs);
         let counters = Counters { late_ticks: self.late_ticks(), ..Counters::default() };
         ControlTick { drive, reply, events, telemetry: self.telemetry(inputs, counters), sensors: self.sensors(inputs) }
     }
@@ -107,9 +107,9 @@ pub type Tamper = Arc<dyn Fn(&mut Inputs) + Send + Sync>;
 
 /// A controller wired to an emulated rig.
 #[derive(Clone)]
-pub struct ControlBench<C: Controller = Control> {
+pub struct ControlBench<C: ControlLaw = Controller> {
     /// The rig.
-    pub rig: Rig,
+    pub rig: EmulatedRig,
     /// The controller.
     pub control: C,
     /// What the last tick decided.
@@ -140,29 +140,29 @@ pub(crate) fn address() -> Address {
 impl ControlBench {
     /// A rig with these plant keys, and control code that has just booted.
     pub fn new(keys: &[(&str, &str)], seed: u64) -> Self {
-        Self::with(Control::new(table(), constants(), None), keys, seed)
+        Self::with(Controller::new(table(), constants(), None), keys, seed)
     }
 
     /// As [`ControlBench::new`], of a rig whose `[rig]` is not the default scene's, and control code built for it. Address and
     /// supply divider of the drive must be the default scene's.
     pub fn of(scene: &Scene, keys: &[(&str, &str)], seed: u64) -> Self {
-        let control = Control::new(table(), scene.constants(), None);
+        let control = Controller::new(table(), scene.constants(), None);
         Self::in_scene(scene, control, keys, seed)
     }
 }
 
-impl<C: Controller> ControlBench<C> {
+impl<C: ControlLaw> ControlBench<C> {
     /// A rig with these plant keys under another controller.
     pub fn with(control: C, keys: &[(&str, &str)], seed: u64) -> Self {
         Self::in_scene(scene(), control, keys, seed)
     }
 
     fn in_scene(scene: &Scene, control: C, keys: &[(&str, &str)], seed: u64) -> Self {
-        Self::on(Rig::new(scene, settings(keys), seed).unwrap_or_else(|e| panic!("{e}")), control)
+        Self::on(EmulatedRig::new(scene, settings(keys), seed).unwrap_or_else(|e| panic!("{e}")), control)
     }
 
     /// A controller on a rig that has just been switched on.
-    pub fn on(mut rig: Rig, control: C) -> Self {
+    pub fn on(mut rig: EmulatedRig, control: C) -> Self {
         let encoder = EncoderCount::new(rig.quadrature(0.0, 3) as u16);
         Self {
             rig,
@@ -288,7 +288,7 @@ impl<C: Controller> ControlBench<C> {
         false
     }
 
-    /// For so many seconds.
+    /// For the given time (s).
     pub fn run(&mut self, seconds: f64) {
         self.until(seconds, |_| false);
     }

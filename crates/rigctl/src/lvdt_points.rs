@@ -5,7 +5,7 @@ use crate::csv_text::columns;
 use crate::failure::Failure;
 use crate::units::{self, Quantity};
 use crate::units::{MM, UM};
-use rig_config::Rig;
+use rig_config::RigConfig;
 use rig_link::{CurveFlaw, LVDT_POINTS_MAX, LvdtCurve, Setting, SettingValues};
 use serde_json::{Value, json};
 use std::path::Path;
@@ -81,7 +81,7 @@ pub fn corrected(point: Point, values: &SettingValues) -> Point {
 /// # Errors
 /// Naming the file, and where it can the lines: it cannot be read, is of another kind, or its points are no calibration of
 /// this sensor.
-pub fn load(path: &Path, rig: &Rig, gauge_error_m: f64) -> Result<LvdtCurve, Failure> {
+pub fn load(path: &Path, rig: &RigConfig, gauge_error_m: f64) -> Result<LvdtCurve, Failure> {
     let text = rig_config::files::read_to_string(path).map_err(|e| e.to_string());
     let curve = text.and_then(|text| parse(&text)).and_then(|points| curve(points, rig, gauge_error_m));
     curve.map_err(|e| Failure::failed(format!("points file {}: {e}", path.display())))
@@ -97,7 +97,7 @@ fn parse(text: &str) -> Result<Vec<(usize, Point)>, String> {
 ///
 /// # Errors
 /// In words, naming the lines where it can.
-pub fn curve(mut points: Vec<(usize, Point)>, rig: &Rig, gauge_error_m: f64) -> Result<LvdtCurve, String> {
+pub fn curve(mut points: Vec<(usize, Point)>, rig: &RigConfig, gauge_error_m: f64) -> Result<LvdtCurve, String> {
     let ends = [rig.lvdt_gap_at_zero_m, rig.lvdt_gap_at_zero_m + rig.lvdt_stroke_m];
     for (line, point) in &points {
         if !(ends[0]..=ends[1]).contains(&point.sensor_m) {
@@ -180,7 +180,7 @@ mod tests {
     use super::*;
 
     fn read(text: &str) -> Result<LvdtCurve, String> {
-        curve(parse(text)?, &Rig::default(), 20e-6)
+        curve(parse(text)?, &RigConfig::default(), 20e-6)
     }
 
     #[test]

@@ -15,7 +15,7 @@ pub fn parallel<T: Send>(progress: &Progress<'_>, count: usize, f: impl Fn(usize
     parallel_on(cores(), progress, count, f)
 }
 
-/// The same on so many threads.
+/// The same on the given number of threads.
 pub fn parallel_on<T: Send>(
     threads: usize,
     progress: &Progress<'_>,

@@ -1,4 +1,4 @@
-//! A log through the controller again: [`rig_control::Rig::step`], tick by tick, fed with what was recorded.
+//! A log through the controller again: [`rig_control::Controller::step`], tick by tick, fed with what was recorded.
 //!
 //! Telemetry does not hold everything that a tick sees. A homing itself cannot be replayed, because raw shaft and gap are
 //! not in the log. After it, shaft and gap follow from twist and position, and the replay starts from the result of the
@@ -12,7 +12,7 @@ use crate::statistics::Errors;
 use crate::units::{MM, RAD};
 use rig_config::Scene;
 use rig_control::homing::Homed;
-use rig_control::{DriveCommand, DriveReading, Inputs, LvdtBlock, Rig, RigConstants, TICK_S, TICK_US, settings};
+use rig_control::{Controller, DriveCommand, DriveReading, Inputs, LvdtBlock, RigConstants, TICK_S, TICK_US, settings};
 use rig_link::{Counters, HomingResult, Request, Setting, SettingValues, State};
 use serde::Serialize;
 use std::f32::consts::PI;
@@ -226,11 +226,11 @@ fn ticks(log: &Log, mark: usize) -> (Vec<Tick<'_>>, usize, String) {
 
 fn answers(ticks: &[Tick<'_>], homed: &Homed, board: &Board<'_>) -> Vec<Answer> {
     let constants = &board.constants;
-    let mut rig = Rig::new(board.table, board.scene, None);
+    let mut rig = Controller::new(board.table, board.scene, None);
     rig.set_up(&board.settings);
     let mut now_us = 1_000_000;
     let zero_gap_m = homed.found.reference_gap_m - board.settings.get(Setting::PositionZero);
-    let mut step = |rig: &mut Rig, twist_rad: f32, position_m: f32, row: &Row, request: Option<Request>| {
+    let mut step = |rig: &mut Controller, twist_rad: f32, position_m: f32, row: &Row, request: Option<Request>| {
         now_us += TICK_US;
         let encoder_counts = (f64::from(twist_rad) * f64::from(constants.counts_per_rad)).round() as i64;
         let gap_m = zero_gap_m - position_m;

@@ -9,7 +9,7 @@ const PROGRAM_S: f64 = 16e-6;
 /// Size of every sector in KiB.
 const SECTORS: [usize; 8] = [16, 16, 16, 16, 64, 128, 128, 128];
 
-/// Typical and longest erase time of a sector of so many KiB, 8, 16 and 32 bits at a time (PSIZE 0, 1, 2). The typical
+/// Typical and longest erase time of a sector of the given number of KiB, 8, 16 and 32 bits at a time (PSIZE 0, 1, 2). The typical
 /// times at 32 bits are those of DS10693 table 48; the others have not been checked against that table.
 fn erase_s(kib: usize, psize: usize) -> Option<[f64; 2]> {
     let times = match kib {

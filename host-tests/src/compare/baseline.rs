@@ -3,7 +3,7 @@
 
 use crate::rigs::commission::Firmware;
 use crate::rigs::subject::Subject;
-use crate::{ControlBench, Controller};
+use crate::{ControlBench, ControlLaw};
 use core::f32::consts::PI;
 use rig_control::ramp::Ramp;
 use rig_control::sensors::Lvdt;
@@ -323,7 +323,7 @@ pub fn follow(bench: &mut ControlBench<Baseline>, set_point_m: f32, target_m: f3
     bench.tick(None);
 }
 
-impl Controller for Baseline {
+impl ControlLaw for Baseline {
     type Decision = DriveCommand;
 
     fn step(&mut self, inputs: &Inputs) -> DriveCommand {

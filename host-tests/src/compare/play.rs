@@ -4,7 +4,7 @@ use super::baseline::{self, Baseline, Law};
 use crate::rigs::commission::Firmware;
 use crate::rigs::subject::Subject;
 use crate::scenario::{Move, Scenario};
-use crate::{ControlBench, Controller};
+use crate::{ControlBench, ControlLaw};
 use rig_control::TICK_S;
 
 /// Twist at power-up (rad), from which the firmware has to find zero.
@@ -35,7 +35,7 @@ pub struct Played {
 }
 
 /// Plays one move: before each tick `tick` moves the bench on and says where the load should be.
-fn record<C: Controller>(
+fn record<C: ControlLaw>(
     bench: &mut ControlBench<C>,
     m: &Move,
     mut tick: impl FnMut(&mut ControlBench<C>, usize) -> Result<f32, String>,

@@ -117,7 +117,7 @@ mod tests {
     use super::*;
 
     /// A set-point that travels 1 mm in 100 ticks and a load that is behind it by `behind_m`, then goes past by `past_m`
-    /// and comes back after so many ticks.
+    /// and comes back after the given number of ticks.
     fn record(behind_m: f64, past_m: f64, back_after: usize) -> Record {
         let set_points_m: Vec<f32> = (1..=400).map(|k| (k as f32 * 1e-5).min(1e-3)).collect();
         let position = |k: usize| match k {

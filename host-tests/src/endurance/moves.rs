@@ -12,7 +12,7 @@ use std::collections::BTreeMap;
 /// Error at rest (m) past which a move has not arrived, beside what stiction leaves and how well the board knows its place: the
 /// board must say so.
 const ARRIVED_M: f64 = 60e-6;
-/// How far what the board says may be from what is (m), over its stated error: LVDT noise and the last swing of strings and rods
+/// How far what the board says may be from what is (m), over its stated error: LVDT noise and the last oscillation of strings and rods
 /// come to it, and the stated error holds in nine of ten cases.
 const ESTIMATE_M: f64 = 40e-6;
 const ESTIMATE_STATED: f64 = 2.0;

@@ -8,7 +8,7 @@ use crate::sweep::{SPEED_RAD_PER_S, identified, swept};
 use crate::{ControlBench, constants, scene, table};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
-use rig_control::{Rig as Control, RigConstants, settings};
+use rig_control::{Controller, RigConstants, settings};
 use rig_link::messages::{LoadChoice, Request, SettingValues, State};
 use rig_plant::units::STANDARD_GRAVITY;
 use rigctl::identify::Identified;
@@ -52,8 +52,8 @@ impl Firmware {
     }
 
     /// The control code, as after power-up.
-    pub fn boot(&self) -> Control {
-        let mut control = Control::new(self.table, self.constants, None);
+    pub fn boot(&self) -> Controller {
+        let mut control = Controller::new(self.table, self.constants, None);
         control.set_up(&self.settings);
         control
     }
@@ -134,7 +134,7 @@ fn shown_gap_m(bench: &ControlBench) -> Option<f64> {
     bench.last.as_ref().and_then(|last| last.sensors.gap_m).map(f64::from)
 }
 
-/// Mean of the shown and of the true gap (m) over half a second, after a second for the load to stop swinging.
+/// Mean of the shown and of the true gap (m) over half a second, after a second for the load to stop oscillating.
 fn mean_gap(bench: &mut ControlBench) -> Result<(f64, f64), String> {
     bench.run(1.0);
     let (mut shown_m, mut true_m, mut count) = (0.0, 0.0, 0.0);

@@ -4,7 +4,7 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use rig_config::Scene;
 use rig_plant::PlantSettings;
-use rig_plant::rig::{Rig, RigError};
+use rig_plant::rig::{EmulatedRig, RigError};
 use rig_plant::{PlantChange, PlantKey, RigPreset};
 use std::fmt;
 
@@ -122,7 +122,7 @@ impl Subject {
     ///
     /// # Errors
     /// [`RigError`] if the mechanism cannot carry it.
-    pub fn switched_on(&self, load_n: f64) -> Result<Rig, RigError> {
+    pub fn switched_on(&self, load_n: f64) -> Result<EmulatedRig, RigError> {
         self.switched_on_at(load_n, self.twist_at_boot(load_n))
     }
 
@@ -130,10 +130,10 @@ impl Subject {
     ///
     /// # Errors
     /// As [`Subject::switched_on`].
-    pub fn switched_on_at(&self, load_n: f64, twist_rad: f64) -> Result<Rig, RigError> {
+    pub fn switched_on_at(&self, load_n: f64, twist_rad: f64) -> Result<EmulatedRig, RigError> {
         let mut settings = self.settings();
         (settings.load_n, settings.twist_at_boot_rad) = (load_n, twist_rad);
-        Rig::new(crate::scene(), settings, self.seed)
+        EmulatedRig::new(crate::scene(), settings, self.seed)
     }
 
     fn settings(&self) -> PlantSettings {

@@ -1,4 +1,4 @@
-//! Homing from any twist under any load, of loads that swing or are jammed, and with other gears and signs.
+//! Homing from any twist under any load, of loads that oscillate or are jammed, and with other gears and signs.
 
 use super::load_error;
 use host_tests::ControlBench;

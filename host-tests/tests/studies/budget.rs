@@ -20,7 +20,7 @@ fn fraction(scene: &Scene, part: Part, keys: &[PlantKey], kind: RigPreset) -> Fr
         let max = kind.extreme(key, 1.0).filter(|_| keys.contains(&key)).map_or(0.0, |change| change.value);
         if key == PlantKey::StictionRatio { (max - 1.0).max(0.0) } else { max }
     };
-    Budget::new(scene, &Rig { sizes: &size, gauge_m: None }).expect("a budget").fraction(part)
+    Budget::new(scene, &RigErrors { sizes: &size, gauge_m: None }).expect("a budget").fraction(part)
 }
 
 /// The default scene at one load, where it rests in these tests: the budget has only the last state.
@@ -126,7 +126,7 @@ fn a_rough_table_makes_the_load_as_wrong_as_the_budget_says() {
         loads.extend((1..=3).map(|seed| homed(&rough, seed, load_n) - homed(&fine, seed, load_n)));
     }
     let scene = Scene { envelope: Some(Envelope { load_n: [1.5, 14.7], turns: [0.0, 7.5] }), ..scene().clone() };
-    let mut budget = Budget::new(&scene, &Rig { sizes: &|key| kind.rms(key), gauge_m: None }).expect("a budget");
+    let mut budget = Budget::new(&scene, &RigErrors { sizes: &|key| kind.rms(key), gauge_m: None }).expect("a budget");
     budget.set_table(&fit.table.table());
     let half_width = budget.fraction(Part::Table).load.all;
     compare("table, nominal, load after homing", rms(&loads), half_width, [0.1, 3.0]);

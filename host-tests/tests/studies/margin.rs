@@ -6,7 +6,7 @@ use host_tests::compare::{Comparison, play};
 use host_tests::margins::{Loosened, hung_at, oscillation_m};
 use host_tests::rigs::subject::Subject;
 use host_tests::scenario::Scenario;
-use lab::chart::margin::{Controller, DAMPING, DRIVE_PER_S, Hung};
+use lab::chart::margin::{DAMPING, DRIVE_PER_S, LinearLoop, OperatingPoint};
 use rig_link::messages::LoadChoice;
 use rig_plant::rig::built_in::STRUCTURAL_DAMPING_S;
 use rig_plant::rig::drive::{POSITION_LOOP_PER_S, VELOCITY_LOOP_RAD_PER_S};
@@ -34,7 +34,7 @@ fn nominal() -> Subject {
     Subject { changes: changes.into(), ..Subject::new(RigPreset::Ideal, 1) }
 }
 
-/// How far the load still swings, 20 s after the set-point has arrived (m).
+/// How far the load still oscillates, 20 s after the set-point has arrived (m).
 fn fixed_oscillation_m(comparison: &Comparison<'_>, scenario: &Scenario, gain_per_s: f64) -> f64 {
     let law = Law::Loop(Loop {
         tr_rad_per_m: Some(RATIO as f32),
@@ -54,7 +54,7 @@ fn fixed_oscillation_m(comparison: &Comparison<'_>, scenario: &Scenario, gain_pe
 fn a_fixed_ratio_swings_from_the_gain_on_at_which_it_should() {
     let mechanism = host_tests::scene().mechanism().unwrap();
     for (load, load_n) in [("0.15kg", 0.15 * 9.80665), ("1.5kg", 1.5 * 9.80665)] {
-        let controller = Controller { gain_per_s: 1.0, corner_rad_per_s: CORNER, ..Controller::fixed(RATIO) };
+        let controller = LinearLoop { gain_per_s: 1.0, corner_rad_per_s: CORNER, ..LinearLoop::fixed(RATIO) };
         let limit = hung_at(&mechanism, load_n, TARGET_M).unwrap().gain_margin(&controller);
         let script = format!("0 plant load={load}\n2.5 home\n50 move {TARGET_M} speed=2mm/s\n80 end\n");
         let scenario = [Scenario::new(load, &Script::parse(&script).unwrap()).unwrap()];
@@ -75,8 +75,8 @@ fn the_scheduled_loop_has_a_margin_of_two_where_a_fixed_one_is_unstable() {
     let load_n = |k: u32| min_n * (max_n / min_n).powf(part(k));
     let states = (0..8).flat_map(|i| (0..8).map(move |j| (load_n(i), 7.5 * part(j))));
     let margins = states.map(|(load_n, turns)| {
-        let hung = Hung::at(&mechanism, load_n, twist_from_turns(turns)).unwrap();
-        [Controller::scheduled(), Controller::fixed(RATIO)].map(|c| hung.gain_margin(&c))
+        let hung = OperatingPoint::at(&mechanism, load_n, twist_from_turns(turns)).unwrap();
+        [LinearLoop::scheduled(), LinearLoop::fixed(RATIO)].map(|c| hung.gain_margin(&c))
     });
     let min = margins.fold([f64::INFINITY; 2], |[a, b], [c, d]| [a.min(c), b.min(d)]);
     assert!(min[0] > 2.0 && min[1] < 1.0, "{min:?}");
@@ -98,8 +98,8 @@ fn the_firmwares_loop_swings_from_the_gain_and_from_the_delay_on_at_which_it_sho
     for load_kg in [0.3, 0.5, 0.8, 1.2] {
         let bench = at_rest(load_kg);
         let hung = hung_at(&mechanism, 0.99 * load_kg * STANDARD_GRAVITY, 8e-3).unwrap();
-        let gain = hung.gain_margin(&Controller::damped());
-        let delay_s = hung.delay_margin(&Controller::damped(), 0.2);
+        let gain = hung.gain_margin(&LinearLoop::damped());
+        let delay_s = hung.delay_margin(&LinearLoop::damped(), 0.2);
         let by_gain = |part: f64| Loosened { gain: part * gain, delay_s: 0.0 };
         let by_delay = |part: f64| Loosened { gain: 1.0, delay_s: part * delay_s };
         for [below, above] in [[by_gain(0.85), by_gain(1.15)], [by_delay(0.8), by_delay(1.25)]] {

@@ -6,7 +6,7 @@
 
 use super::columns::{Column, State};
 use super::homing::Priors;
-use super::{Part, Rig, SESSION_S, SPEED_M_PER_S};
+use super::{Part, RigErrors, SESSION_S, SPEED_M_PER_S};
 use rig_config::Scene;
 use rig_control::TICK_S;
 use rig_control::homing::{LOAD_SPEED, LOAD_TURNS, SWEEP_HALF, SWEEP_SPEED, load_estimate};
@@ -49,7 +49,7 @@ pub(super) struct Direct {
 /// What makes up the errors under one load.
 pub(super) struct Effects<'a> {
     pub scene: &'a Scene,
-    pub rig: &'a Rig<'a>,
+    pub rig: &'a RigErrors<'a>,
     pub column: &'a Column,
     /// The states under the heaviest load.
     pub heaviest: &'a Column,
@@ -239,7 +239,7 @@ impl Effects<'_> {
     }
 }
 
-impl Rig<'_> {
+impl RigErrors<'_> {
     /// Standard deviation of a plant key, from what a rig of its own model has.
     fn size(&self, key: PlantKey) -> f64 {
         let size = (self.sizes)(key);

@@ -69,7 +69,7 @@ impl Part {
 }
 
 /// What the budget is computed for.
-pub struct Rig<'a> {
+pub struct RigErrors<'a> {
     /// Standard deviation of each plant key, SI units: [`rig_plant::RigPreset::rms`] of a kind of rig.
     pub sizes: &'a dyn Fn(PlantKey) -> f64,
     /// Error of the gauges (m, half the width of the interval that holds 90 of 100 readings), where the LVDT is calibrated at
@@ -130,7 +130,7 @@ impl<'a> Budget<'a> {
     ///
     /// # Errors
     /// [`SceneError`]: the scene has no envelope, or a state of it no equilibrium.
-    pub fn new(scene: &'a Scene, rig: &Rig<'_>) -> Result<Self, SceneError> {
+    pub fn new(scene: &'a Scene, rig: &RigErrors<'_>) -> Result<Self, SceneError> {
         let columns = Column::all(scene)?;
         let gaps = || columns.iter().flat_map(|column| column.0.iter().map(|s| s.gap_m));
         let gaps_m = [gaps().fold(f64::INFINITY, f64::min), gaps().fold(0.0, f64::max)];

@@ -1,7 +1,7 @@
 //! `tsa-lab budget`: what each part of a rig contributes to the errors of position and load, and how accurate a table is worth
 //! having.
 
-use super::{At, Budget, Fraction, Part, Rig, SESSION_S, SPEED_M_PER_S, Spread, WORTH};
+use super::{At, Budget, Fraction, Part, RigErrors, SESSION_S, SPEED_M_PER_S, Spread, WORTH};
 use rig_config::{Accuracy, Scene, SceneError, TableError};
 use rig_plant::RigPreset;
 use rigctl::failure::Failure;
@@ -152,7 +152,7 @@ impl Arguments {
     }
 
     fn budget<'a>(&self, scene: &'a Scene, kind: RigPreset) -> Result<Budget<'a>, SceneError> {
-        Budget::new(scene, &Rig { sizes: &|key| kind.rms(key), gauge_m: self.gauge })
+        Budget::new(scene, &RigErrors { sizes: &|key| kind.rms(key), gauge_m: self.gauge })
     }
 }
 

@@ -7,7 +7,7 @@
 //! step, while a loop is told from an unstable one by the last digits of an eigenvalue; and it rests, takes up friction and looks
 //! its stiffness up in a table.
 
-use super::margin::Hung;
+use super::margin::OperatingPoint;
 use rig_control::load_motion::{AHEAD_S, OBSERVER_PER_S};
 use rig_control::position_loop::{FULL_PER_S, GAINS, damping_fraction};
 
@@ -27,7 +27,7 @@ struct Motion {
 
 impl Motion {
     /// As `LoadMotion::after`.
-    fn after(self, believed: &Hung, seconds: f64, twist_rad: f64) -> Self {
+    fn after(self, believed: &OperatingPoint, seconds: f64, twist_rad: f64) -> Self {
         let (h, k, inertia) = (0.5 * seconds, believed.stiffness_n_per_m, 2.0 * believed.mass_kg);
         let turned_n = k / believed.tr_rad_per_m * (twist_rad - self.twist_rad);
         let push_n = self.weight_n - self.pull_n - 0.5 * turned_n;
@@ -42,7 +42,7 @@ impl Motion {
     }
 
     /// As `LoadMotion::correct`, and the pull looked up again.
-    fn corrected(self, believed: &Hung, error_m: f64, step_s: f64) -> Self {
+    fn corrected(self, believed: &OperatingPoint, error_m: f64, step_s: f64) -> Self {
         let z = (-f64::from(OBSERVER_PER_S) * step_s).exp();
         let left = 1.0 - z;
         let spring = believed.stiffness_n_per_m / believed.mass_kg;
@@ -71,7 +71,7 @@ pub(super) struct Seen {
 }
 
 /// One period: the next target of the drive (rad) with a lead (s), and what is kept.
-pub(super) fn step(kept: &[f64], seen: &Seen, believed: &Hung, lead_s: f64) -> (f64, [f64; KEPT]) {
+pub(super) fn step(kept: &[f64], seen: &Seen, believed: &OperatingPoint, lead_s: f64) -> (f64, [f64; KEPT]) {
     let [shaft_rad, speed] = [kept[0], kept[1]];
     let motion = Motion { gap_m: kept[2], speed: kept[3], weight_n: kept[4], pull_n: kept[5], twist_rad: kept[6] };
     let at_measurement = motion.after(believed, seen.period_s, seen.twist_then_rad);

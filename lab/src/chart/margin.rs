@@ -25,8 +25,8 @@ pub const DAMPING: [f64; 2] = [1.0, 2e-3];
 
 /// The loop as it is run.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Controller {
-    /// The firmware's: it damps the load's swing (docs/explanation/control.md). Others multiply the smoothed error by a
+pub struct LinearLoop {
+    /// The firmware's: it damps the load's oscillation (docs/explanation/control.md). Others multiply the smoothed error by a
     /// gain.
     pub damps: bool,
     /// Transmission ratio that it assumes (rad/m); `None`: the true one, as the table gives it.
@@ -43,7 +43,7 @@ pub struct Controller {
     pub delay_s: f64,
 }
 
-impl Controller {
+impl LinearLoop {
     /// The firmware's.
     pub fn damped() -> Self {
         Self { damps: true, gain_per_s: 1.0, ..Self::scheduled() }
@@ -70,7 +70,7 @@ impl Controller {
 
 /// The mechanism with its load at one state.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Hung {
+pub struct OperatingPoint {
     /// Transmission ratio (rad/m).
     pub tr_rad_per_m: f64,
     /// Stiffness ∂F/∂G (N/m).
@@ -79,7 +79,7 @@ pub struct Hung {
     pub mass_kg: f64,
 }
 
-impl Hung {
+impl OperatingPoint {
     /// Of the equilibrium under a load (N) at a twist (rad).
     ///
     /// # Errors
@@ -116,7 +116,7 @@ impl Hung {
     }
 
     /// Largest eigenvalue of the loop over one control period: below 1 every disturbance decays.
-    pub fn growth(&self, loop_: &Controller) -> f64 {
+    pub fn growth(&self, loop_: &LinearLoop) -> f64 {
         let period = loop_.period_s;
         let tr = loop_.tr_rad_per_m.unwrap_or(self.tr_rad_per_m);
         let blend = loop_.corner_rad_per_s * period / (1.0 + loop_.corner_rad_per_s * period);
@@ -170,15 +170,15 @@ impl Hung {
     }
 
     /// By how much the gain may be multiplied before the loop is unstable; below 1 it already is. At most [`MAX`].
-    pub fn gain_margin(&self, loop_: &Controller) -> f64 {
+    pub fn gain_margin(&self, loop_: &LinearLoop) -> f64 {
         let grows =
-            |factor: f64| self.growth(&Controller { gain_per_s: factor * loop_.gain_per_s, ..*loop_ }) > 1.0 + ROUNDING;
+            |factor: f64| self.growth(&LinearLoop { gain_per_s: factor * loop_.gain_per_s, ..*loop_ }) > 1.0 + ROUNDING;
         last_good(grows, MIN, MAX)
     }
 
     /// Longest additional delay (s) before the loop is unstable; at most `max_s`.
-    pub fn delay_margin(&self, loop_: &Controller, max_s: f64) -> f64 {
-        let grows = |delay_s: f64| self.growth(&Controller { delay_s, ..*loop_ }) > 1.0 + ROUNDING;
+    pub fn delay_margin(&self, loop_: &LinearLoop, max_s: f64) -> f64 {
+        let grows = |delay_s: f64| self.growth(&LinearLoop { delay_s, ..*loop_ }) > 1.0 + ROUNDING;
         if grows(0.0) { 0.0 } else { last_good(grows, 1e-3, max_s) }
     }
 }
@@ -209,44 +209,45 @@ fn last_good(is_bad: impl Fn(f64) -> bool, min: f64, max: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// 0.6 kg that swing at 25 rad/s.
-    const OSCILLATIONS: Hung = Hung { tr_rad_per_m: 3000.0, stiffness_n_per_m: 375.0, mass_kg: 0.6 };
+    /// 0.6 kg that oscillate at 25 rad/s.
+    const OSCILLATIONS: OperatingPoint =
+        OperatingPoint { tr_rad_per_m: 3000.0, stiffness_n_per_m: 375.0, mass_kg: 0.6 };
 
     #[test]
     fn the_firmwares_loop_is_as_fast_as_its_slowest_pole_and_calms_the_swing() {
-        let c = Controller::damped();
+        let c = LinearLoop::damped();
         // Poles 0.55 and 0.39 ± 0.86 i times 25 rad/s: the oscillation decays with 10 per second, were the drive without lag.
         let per_s = -OSCILLATIONS.growth(&c).ln() / c.period_s;
         assert!((7.0..14.0).contains(&per_s), "{per_s} per second");
-        let oscillation_alone = OSCILLATIONS.growth(&Controller { gain_per_s: 0.0, ..c });
+        let oscillation_alone = OSCILLATIONS.growth(&LinearLoop { gain_per_s: 0.0, ..c });
         assert!((oscillation_alone - 1.0).abs() < 1e-9, "without feedback the place of the shaft stays");
         assert!(OSCILLATIONS.gain_margin(&c) > 1.9, "{}", OSCILLATIONS.gain_margin(&c));
         assert!(OSCILLATIONS.delay_margin(&c, 0.5) > 0.02, "{}", OSCILLATIONS.delay_margin(&c, 0.5));
         // A load that the table takes for half or twice as stiff is still held.
         for factor in [0.6, 1.6] {
-            let off = Controller { stiffness_n_per_m: Some(factor * OSCILLATIONS.stiffness_n_per_m), ..c };
+            let off = LinearLoop { stiffness_n_per_m: Some(factor * OSCILLATIONS.stiffness_n_per_m), ..c };
             assert!(OSCILLATIONS.growth(&off) < 1.0, "{factor}");
         }
     }
 
     /// So stiff that the load is where the strings are.
-    const STIFF: Hung = Hung { tr_rad_per_m: 2000.0, stiffness_n_per_m: 1e6, mass_kg: 0.5 };
+    const STIFF: OperatingPoint = OperatingPoint { tr_rad_per_m: 2000.0, stiffness_n_per_m: 1e6, mass_kg: 0.5 };
 
     #[test]
     fn a_stiff_rig_has_the_margin_of_its_lags() {
         // 1/s · 1/(1 + s/a)²: unstable from K = 2 a on; drive and delay take a little of that.
-        let c = Controller { corner_rad_per_s: 2.0, gain_per_s: 1.0, ..Controller::scheduled() };
+        let c = LinearLoop { corner_rad_per_s: 2.0, gain_per_s: 1.0, ..LinearLoop::scheduled() };
         let margin = STIFF.gain_margin(&c);
         assert!((3.2..4.0).contains(&margin), "{margin}");
         // A wrong ratio is a wrong gain.
-        let doubled = STIFF.gain_margin(&Controller { tr_rad_per_m: Some(4000.0), ..c });
+        let doubled = STIFF.gain_margin(&LinearLoop { tr_rad_per_m: Some(4000.0), ..c });
         assert!((doubled / margin - 0.5).abs() < 1e-3, "{doubled} {margin}");
     }
 
     #[test]
     fn a_delay_takes_the_phase_that_it_should() {
         // With poles far off: K e^(−sτ)/s is unstable from τ = π/(2K) on; what is there already counts.
-        let c = Controller { corner_rad_per_s: 2000.0, gain_per_s: 2.0, ..Controller::scheduled() };
+        let c = LinearLoop { corner_rad_per_s: 2000.0, gain_per_s: 2.0, ..LinearLoop::scheduled() };
         let delay = STIFF.delay_margin(&c, 2.0);
         let expected = std::f64::consts::FRAC_PI_2 / 2.0 - AGE_S - 1.5 * c.period_s;
         assert!((delay - expected).abs() < 0.03, "{delay} {expected}");
@@ -254,9 +255,9 @@ mod tests {
 
     #[test]
     fn the_resonance_bounds_the_gain() {
-        let hung = Hung { tr_rad_per_m: 2000.0, stiffness_n_per_m: 600.0, mass_kg: 1.5 };
-        let c = Controller::scheduled();
-        let faster = Controller { corner_rad_per_s: 30.0, ..c };
+        let hung = OperatingPoint { tr_rad_per_m: 2000.0, stiffness_n_per_m: 600.0, mass_kg: 1.5 };
+        let c = LinearLoop::scheduled();
+        let faster = LinearLoop { corner_rad_per_s: 30.0, ..c };
         assert!(hung.gain_margin(&c) > 1.5 * hung.gain_margin(&faster), "smoothing below the resonance helps");
         assert!(hung.growth(&c) < 1.0);
     }

@@ -1,7 +1,7 @@
 //! Stability in time as a picture.
 
 use super::grid::Grid;
-use super::margin::{Controller, Hung, MAX};
+use super::margin::{LinearLoop, MAX, OperatingPoint};
 use super::{Inputs, Made};
 use crate::table;
 use anyhow::{Context, Result};
@@ -32,16 +32,16 @@ const BANDS: [(f64, &str, RGBColor); 5] = [
 const NO_EQUILIBRIUM: RGBColor = RGBColor(222, 222, 222);
 
 /// A load (N), a number of turns, and the rig there.
-type State = (f64, f64, Hung);
+type State = (f64, f64, OperatingPoint);
 /// A loop, where it is weakest, and its gain margin there.
-type Weakest = (f64, State, Controller);
+type Weakest = (f64, State, LinearLoop);
 
 /// The rig at each state of a grid.
 fn hung(mechanism: &Mechanism, grid: &Grid, progress: &Progress<'_>) -> Vec<Option<State>> {
     let states = grid.states();
     parallel(progress, states.len(), |k| {
         let (load, turns) = states[k];
-        Some((load, turns, Hung::at(mechanism, load, twist_from_turns(turns)).ok()?))
+        Some((load, turns, OperatingPoint::at(mechanism, load, twist_from_turns(turns)).ok()?))
     })
 }
 
@@ -55,12 +55,12 @@ pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
     let grid = Grid::new(envelope.load_n, CELLS.0, envelope.turns, CELLS.1);
     let nominal = hung(&scene.mechanism()?, &grid, progress);
     let (ratio, gain_per_s, corner_rad_per_s) = SEARCHED;
-    let searched = Controller { gain_per_s, corner_rad_per_s, ..Controller::fixed(ratio) };
+    let searched = LinearLoop { gain_per_s, corner_rad_per_s, ..LinearLoop::fixed(ratio) };
     let number = |x: f64| Some(format!("{x:.4e}"));
     let (mut loops, mut maps, mut rows, mut findings) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     for (name, controller) in [
-        ("this firmware: damped", Controller::damped()),
-        ("fixed TR, below the resonance", Controller::fixed(ratio)),
+        ("this firmware: damped", LinearLoop::damped()),
+        ("fixed TR, below the resonance", LinearLoop::fixed(ratio)),
         ("fixed TR, tuned for least error", searched),
     ] {
         let margins = parallel(progress, nominal.len(), |k| Some(nominal[k]?.2.gain_margin(&controller)));
@@ -87,16 +87,16 @@ pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
         format!("{name:<32} weakest state: {delay_ms:.0} ms more delay; resonance {resonance:.0} rad/s")
     }));
 
-    let along = |change: fn(&Controller, f64) -> Controller, time: fn(f64) -> f64| {
+    let along = |change: fn(&LinearLoop, f64) -> LinearLoop, time: fn(f64) -> f64| {
         parallel(progress, loops.len(), |k| {
             let (_, (.., hung), controller) = &loops[k].1;
             let at = |t: f64| (t, hung.gain_margin(&change(controller, t)));
             (0..=40).map(|step| at(time(f64::from(step)))).collect::<Vec<_>>()
         })
     };
-    let by_delay = along(|c, delay_s| Controller { delay_s, ..*c }, |step| 0.4 * step / 40.0);
+    let by_delay = along(|c, delay_s| LinearLoop { delay_s, ..*c }, |step| 0.4 * step / 40.0);
     let by_period =
-        along(|c, period_s| Controller { period_s, ..*c }, |step| 0.002 * (LONGEST_S / 0.002).powf(step / 40.0));
+        along(|c, period_s| LinearLoop { period_s, ..*c }, |step| 0.002 * (LONGEST_S / 0.002).powf(step / 40.0));
     for (k, (name, _)) in loops.iter().enumerate() {
         let delays = by_delay[k].iter().map(|(t, margin)| ("delay", [None, None, number(*t), None, number(*margin)]));
         let periods =
@@ -147,10 +147,10 @@ fn with_constants_off(
         let states = hung(&other.mechanism()?, grid, progress);
         let found = parallel(progress, states.len(), |k| {
             let (state, (.., table)) = (states[k]?, nominal[k]?);
-            let c = Controller {
+            let c = LinearLoop {
                 tr_rad_per_m: Some(table.tr_rad_per_m),
                 stiffness_n_per_m: Some(table.stiffness_n_per_m),
-                ..Controller::damped()
+                ..LinearLoop::damped()
             };
             Some((state.2.gain_margin(&c), state, c))
         });

@@ -27,7 +27,7 @@ pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
     Ok(Made { svg: Some(svg), csv, findings: vec![said], ..Made::default() })
 }
 
-/// The SVG of two loads (kg) after so many turns of the strings past the pre-twist, and its numbers as CSV, SI units.
+/// The SVG of two loads (kg) after the given number of turns of the strings past the pre-twist, and its numbers as CSV, SI units.
 fn drawing(scene: &Scene, loads_kg: [f64; 2], turns: f64) -> Result<(String, String)> {
     let mechanism = scene.mechanism()?;
     let longest_m = mechanism.solve(loads_kg[1] * STANDARD_GRAVITY_M_PER_S2, PRETWIST_RAD)?.gap_m;

@@ -104,7 +104,7 @@ fn error_at(mechanism: &Mechanism, table: &Table<'_>, start_gap_m: f64, load_n: 
 }
 
 impl Move {
-    /// Every so many rows of telemetry, and the last; the truth of an emulated rig takes the place of what the board estimates.
+    /// Every Nth of the rows of telemetry, and the last; the truth of an emulated rig takes the place of what the board estimates.
     pub fn new(what: String, rows: &[Row]) -> Self {
         let every = rows.len().div_ceil(MAX_ROWS).max(1);
         let mut columns = Self { what, ..Self::default() };

@@ -5,7 +5,7 @@ use crate::table::{Table, Verdict};
 use crate::{chip, registers};
 use core::hint::black_box;
 use cortex_m::peripheral::DWT;
-use rig_control::{DriveCommand, DriveReading, Inputs, LvdtBlock, Rig, SupplyReading, TICK_US};
+use rig_control::{Controller, DriveCommand, DriveReading, Inputs, LvdtBlock, SupplyReading, TICK_US};
 use rig_link::messages::{Counters, Request, State};
 
 /// Where the loads and the twists lie in the table's range, 0 to 1.
@@ -83,7 +83,7 @@ const COUNTS_PER_PWM: i32 = 1;
 /// Cycles of the control ticks of a healthy rig that is at rest and is then jogged, and its last state. The drive starts at
 /// once and reaches each commanded position at once, and the encoder with it.
 fn tick() -> (Spread, State) {
-    let mut rig = Rig::new(black_box(&TABLE), RIG, None);
+    let mut rig = Controller::new(black_box(&TABLE), RIG, None);
     let (mut spread, mut at_qc, mut starts) = (Spread::NONE, 0, false);
     for tick in 1..=TICKS {
         let now_us = tick * TICK_US;

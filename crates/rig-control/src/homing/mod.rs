@@ -1,7 +1,7 @@
 //! Homing without switches: the gap is even in the twist and has its maximum at zero (docs/explanation/model.md section 5).
 //!
 //! ```text
-//! Quiet ── the load has stopped swinging ──> Probe
+//! Quiet ── the load has stopped oscillating ──> Probe
 //! Probe ── which way does the gap grow? ──> Seek ── past its maximum ──> Centre ── two sweeps across it ──> Weigh
 //!                                                                          │ midpoints of equal gaps         │
 //!                                                                          v                                 v
@@ -32,7 +32,7 @@ use tsa_table::Table;
 
 /// Fraction of a new reading in the smoothed gap.
 const SMOOTHING: f32 = 0.25;
-/// A load that still swings after this time (s) is homed all the same; the result is judged at the end.
+/// A load that still oscillates after this time (s) is homed all the same; the result is judged at the end.
 const QUIET_PATIENCE_S: f32 = 10.0;
 /// Speed of the probe (rad/s).
 const PROBE_SPEED: f32 = 1.5;
@@ -69,7 +69,7 @@ const RISE_GROWTH: f32 = 1.3;
 const SEEK_TRAVEL: f32 = 12.0 * TAU + PROBE_TRAVEL;
 /// Half the width of the sweeps across the maximum (rad).
 pub const SWEEP_HALF: f32 = 5.0;
-/// Speed of these sweeps (rad/s): slow enough that the load follows without swinging.
+/// Speed of these sweeps (rad/s): slow enough that the load follows without oscillating.
 pub const SWEEP_SPEED: f32 = 3.5;
 /// Turns past the half-turn pre-twist that the load is weighed over.
 pub const LOAD_TURNS: f32 = 6.0;
@@ -79,7 +79,7 @@ pub const LOAD_TURNS: f32 = 6.0;
 pub const LOAD_SPEED: [f32; 2] = [3.4, 6.2];
 /// Acceleration of all of it (rad/s²).
 const ACCELERATION: f32 = 25.0;
-/// Rest before the sweeps across the maximum and before weighing (s), for the load to stop swinging.
+/// Rest before the sweeps across the maximum and before weighing (s), for the load to stop oscillating.
 const CENTRE_REST_S: f32 = 0.3;
 const LOAD_REST_S: f32 = 0.5;
 /// Rest at the pre-twist before the reference is taken, and how long it is averaged over (s).

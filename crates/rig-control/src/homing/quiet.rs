@@ -1,6 +1,6 @@
 //! Whether the load hangs still.
 
-/// A load is quiet when its smoothed gap (m) stays within this for so long (ticks): a period of its slowest swing. The noise of
+/// A load is quiet when its smoothed gap (m) stays within this for so long (ticks): a period of its slowest oscillation. The noise of
 /// one reading would be larger.
 const QUIET_M: f32 = 0.1e-3;
 const QUIET_TICKS: u16 = 40;
@@ -43,7 +43,7 @@ mod tests {
 
     #[test]
     fn noise_is_no_oscillation() {
-        // Three incommensurable frequencies far above any swing: 45 um rms, 190 um from peak to peak.
+        // Three incommensurable frequencies far above any oscillation: 45 um rms, 190 um from peak to peak.
         let noise = |t: f32| 37e-6 * ((191.0 * t).sin() + (233.0 * t).sin() + (307.0 * t).sin());
         assert!(quiet_after_s(|t| 0.1 + noise(t)).is_some_and(|s| s < 0.5));
     }

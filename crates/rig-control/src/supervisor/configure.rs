@@ -1,12 +1,12 @@
 //! Applying settings, while nothing moves.
 
 use super::modes::Mode;
-use super::{Inputs, Rig};
+use super::{Controller, Inputs};
 use crate::ramp::Ramp;
 use crate::settings;
 use rig_link::messages::{Accepted, Refusal, Setting, SettingValues, State};
 
-impl Rig {
+impl Controller {
     /// The settings in use.
     pub fn settings(&self) -> &SettingValues {
         &self.settings

@@ -2,12 +2,12 @@
 
 use super::load_control::MoveStep;
 use super::modes::Mode;
-use super::{Events, Rig};
+use super::{Controller, Events};
 use crate::load_motion::AHEAD_S;
 use crate::load_state::LoadState;
 use rig_link::messages::{EventKind, Limit};
 
-impl Rig {
+impl Controller {
     /// One tick of a move, a stream or a hold; what held the load back. Without a gap, or outside the table's twists, the strings
     /// are kept still; a lasting loss is a fault of its own.
     pub(super) fn control_load(&mut self, events: &mut Events) -> Option<Limit> {

@@ -114,7 +114,7 @@ pub struct Outputs {
 
 /// The rig.
 #[derive(Clone)]
-pub struct Rig {
+pub struct Controller {
     table: StoredTable,
     /// Constants of the scene.
     scene: RigConstants,
@@ -154,7 +154,7 @@ pub const HOST_SILENT_US: u64 = 400_000;
 /// Maximum jog speed (rad/s).
 pub const JOG_SPEED_MAX: f32 = 4.0;
 
-impl Rig {
+impl Controller {
     /// As after power-up: nothing is known and nothing moves. `reset` is the fault that the last reset amounts to, if the
     /// board was not started by power or by hand.
     pub fn new(table: &Table<'_>, constants: RigConstants, reset: Option<Fault>) -> Self {

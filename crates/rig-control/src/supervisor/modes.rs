@@ -3,7 +3,7 @@
 use super::load_control::{LoadControl, Move};
 use super::sensing::DriveZero;
 use super::stream::Stream;
-use super::{DriveLoop, Events, Inputs, Rig, ticks};
+use super::{Controller, DriveLoop, Events, Inputs, ticks};
 use crate::direction::{DirectionCheck, Step, Witnesses};
 use crate::homing::{Homing, HomingInputs, Progress};
 use crate::ramp::Ramp;
@@ -171,7 +171,7 @@ impl Mode {
     }
 }
 
-impl Rig {
+impl Controller {
     /// One tick of the present mode; what held it back.
     pub(super) fn step_mode(&mut self, inputs: &Inputs, events: &mut Events) -> Option<Limit> {
         if self.drive_loop == DriveLoop::Open {

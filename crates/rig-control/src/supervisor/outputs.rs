@@ -2,7 +2,7 @@
 
 use super::fault_policy::Response;
 use super::modes::{EStopContact, Mode};
-use super::{DriveLoop, Inputs, Rig};
+use super::{Controller, DriveLoop, Inputs};
 use crate::sensors::DriveReading;
 use crate::{TICK_S, whole_counts};
 use rmds405::DriveCommand;
@@ -15,7 +15,7 @@ const MAX_LAG_S: f32 = 0.3;
 /// the default scene needs.
 const STARTING_CURRENT: f32 = 0.25;
 
-impl Rig {
+impl Controller {
     pub(super) fn drive_command(&mut self, inputs: &Inputs) -> DriveCommand {
         let restart = core::mem::take(&mut self.restart_drive);
         match (&self.mode, self.guard.latched.response()) {

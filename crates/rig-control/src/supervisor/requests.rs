@@ -6,7 +6,7 @@ use super::load_control::{LoadControl, Move};
 use super::modes::{Boot, First, Jog, Mode};
 use super::sensing::DriveZero;
 use super::stream::{HOLDS_FOR_S, Stream, StreamPoint, reach_m};
-use super::{DriveLoop, Events, Inputs, JOG_SPEED_MAX, Rig};
+use super::{Controller, DriveLoop, Events, Inputs, JOG_SPEED_MAX};
 use crate::homing::Homing;
 use crate::move_check::{MoveRequest, MoveStart, check_load, in_range};
 use crate::ramp::Ramp;
@@ -15,7 +15,7 @@ use rig_link::messages::{
     Accepted, EventKind, Fault, Limit, LoadChoice, Parameter, Refusal, Request, Sensor, Setting, StreamEnd,
 };
 
-impl Rig {
+impl Controller {
     /// Carries a request out or refuses it; `None` for requests that the link answers.
     pub(super) fn answer(
         &mut self,

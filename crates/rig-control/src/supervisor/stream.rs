@@ -136,7 +136,7 @@ mod tests {
     const LIMITS: Limits = Limits { speed: 0.01, acceleration: 0.05, jerk: 0.8 };
     const EVERY_TICKS: u8 = 5;
 
-    /// A stream whose speed (m/s) is that of a time (s), a set-point every five ticks, after so many set-points.
+    /// A stream whose speed (m/s) is that of a time (s), a set-point every five ticks, after the given number of set-points.
     fn streamed(speed: impl Fn(f32) -> f32, count: u8) -> Stream {
         let point = |k: u8| {
             let t_s = f32::from(k * EVERY_TICKS) * TICK_S;

@@ -2,12 +2,12 @@
 
 use super::modes::Mode;
 use super::tracking::LoadTracking;
-use super::{Inputs, Rig};
+use super::{Controller, Inputs};
 use crate::sensors::DriveReading;
 use core::f32::consts::TAU;
 use rig_link::messages::{Counters, Doubts, Sensors, Telemetry};
 
-impl Rig {
+impl Controller {
     /// Telemetry of the tick that these inputs were stepped in.
     pub fn telemetry(&self, inputs: &Inputs, counters: Counters) -> Telemetry {
         let (drive_current_a, drive_speed_rad_per_s) = match inputs.drive {

@@ -2,7 +2,9 @@
 //! target. All of it is known exactly, so that what the control code finds out can be compared.
 
 use crate::fixture::{constants, table};
-use rig_control::{DriveCommand, DriveReading, Inputs, LvdtBlock, Outputs, Rig, RigConstants, SupplyReading, TICK_US};
+use rig_control::{
+    Controller, DriveCommand, DriveReading, Inputs, LvdtBlock, Outputs, RigConstants, SupplyReading, TICK_US,
+};
 use rig_link::messages::{
     Accepted, Counters, EventKind, Fault, HomingResult, LoadChoice, Refusal, Request, Sensors, State, Telemetry,
 };
@@ -53,7 +55,7 @@ pub type Tamper = Arc<dyn Fn(&mut Inputs) + Send + Sync>;
 /// A rig that is made of numbers.
 #[derive(Clone)]
 pub struct Bench {
-    pub rig: Rig,
+    pub rig: Controller,
     pub constants: RigConstants,
     /// Weight of the load and friction of the rail (N).
     pub load_n: f32,
@@ -103,7 +105,7 @@ impl Bench {
     /// The same on a rig with other constants.
     pub fn of(constants: RigConstants, load_n: f32, friction_n: f32, twist_rad: f32) -> Self {
         let mut bench = Self {
-            rig: Rig::new(table(), constants, None),
+            rig: Controller::new(table(), constants, None),
             constants,
             load_n,
             friction_n,
@@ -197,7 +199,7 @@ impl Bench {
         ((self.twist_rad - self.boot_twist_rad) * self.constants.counts_per_rad).round() as i64
     }
 
-    /// Turns the strings as the last command says, while the load swings.
+    /// Turns the strings as the last command says, while the load oscillates.
     fn turn(&mut self) {
         let tick_s = 1e-6 * TICK_US as f32;
         let mut turned_rad = 0.0;
@@ -290,7 +292,7 @@ impl Bench {
         outputs
     }
 
-    /// So many ticks without a request.
+    /// The given number of ticks without a request.
     pub fn run(&mut self, ticks: u32) {
         (0..ticks).for_each(|_| drop(self.tick(None)));
     }

@@ -2,7 +2,7 @@
 
 use crate::bench::{Bench, Tamper, to};
 use crate::fixture::{constants, table};
-use rig_control::{DriveCommand, DriveReading, Inputs, Rig, TICK_US};
+use rig_control::{Controller, DriveCommand, DriveReading, Inputs, TICK_US};
 use rig_link::messages::{Accepted, Doubt, Doubts, EventKind, Fault, LoadChoice, Refusal, Request, Setting, State};
 use std::sync::Arc;
 
@@ -257,7 +257,7 @@ fn a_damaged_table_is_a_fault_from_the_start_that_nothing_clears() {
     let mut damaged = *table();
     damaged.crc ^= 1;
     let mut bench = Bench::new(5.0, 0.01, 9.0);
-    bench.rig = Rig::new(&damaged, constants(), None);
+    bench.rig = Controller::new(&damaged, constants(), None);
     bench.tick(None);
     assert_eq!((bench.rig.state(), bench.rig.fault()), (State::Fault, Some(Fault::TableCorrupt)));
     assert_eq!(bench.ask(Request::Clear), Err(Refusal::CauseRemains { fault: Fault::TableCorrupt }));

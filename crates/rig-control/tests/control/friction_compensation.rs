@@ -29,7 +29,7 @@ fn band_rad(load: &LoadState<'_>) -> f32 {
     (high.gap_m - load.observation.modelled_gap_m) * high.tr_rad_per_m()
 }
 
-/// Turns in so many ticks (rad).
+/// Turns in the given number of ticks (rad).
 fn turned(
     compensation: &mut FrictionCompensation,
     ticks: u32,

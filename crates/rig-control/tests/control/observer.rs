@@ -39,7 +39,7 @@ fn gap_m(pull_n: f32) -> f32 {
     mechanism().at(pull_n, TWIST_RAD).gap_m
 }
 
-/// So many ticks with strings that pull so much (N); the last observation.
+/// The given number of ticks with strings that pull so much (N); the last observation.
 fn pulls(observer: &mut LoadObserver, pull_n: f32, ticks: u32) -> Observation {
     let step = |_| observer.step(&mechanism(), TWIST_RAD, Some(gap_m(pull_n)));
     (0..ticks).map(step).last().expect("a tick")

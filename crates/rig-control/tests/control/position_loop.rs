@@ -8,7 +8,7 @@ use rig_control::planner::SetPoint;
 use rig_control::position_loop::{FULL_PER_S, GAINS, LoopOutput, PositionLoop, damping_fraction};
 use rig_control::ramp::Ramp;
 
-/// A load of 6 N without friction in the middle of its travel: it swings at some 30 rad/s.
+/// A load of 6 N without friction in the middle of its travel: it oscillates at some 30 rad/s.
 fn load() -> LoadState<'static> {
     hanging(6.0, 0.0, 25.0)
 }

@@ -10,7 +10,7 @@ fn load() -> LoadState<'static> {
     hanging(10.0, 2.0, 25.0)
 }
 
-/// The load at an error (m) for so many ticks; what it is in the last one.
+/// The load at an error (m) for the given number of ticks; what it is in the last one.
 fn at(rest: &mut Rest, error_m: f32, ticks: u32, load: &LoadState<'_>) -> Standing {
     (0..ticks).fold(Standing::Moves, |_, _| rest.step(true, error_m, load))
 }

@@ -25,7 +25,7 @@ use super::motor::Bridge;
 use crate::PlantSettings;
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64Mcg;
-use rig_config::Rig as Parameters;
+use rig_config::RigConfig;
 
 /// Period of the internal loops, s: also the window of the speed measurement (V-FAQ p3).
 pub const TICK_S: f64 = 1e-3;
@@ -122,7 +122,7 @@ pub struct Sensed {
 
 impl Drive {
     /// Without power.
-    pub fn new(parameters: &Parameters, address: Address) -> Self {
+    pub fn new(parameters: &RigConfig, address: Address) -> Self {
         let kt = parameters.motor_torque_constant_nm_per_a;
         Self {
             address,

@@ -1,7 +1,7 @@
 //! Quadrature counts of the encoder on the motor shaft. Drive and microcontroller share its lines
 //! (docs/reference/hardware.md 2.1).
 
-use rig_config::Rig as Parameters;
+use rig_config::RigConfig;
 use std::f64::consts::TAU;
 
 /// What [`Encoder::jump`] adds: one turn of the default encoder.
@@ -14,7 +14,7 @@ const DITHER_COUNTS: i64 = 4;
 const DELIVERED_COUNTS: f64 = 2000.0;
 
 /// Quadrature counts for one motor turn, 4 for each line (crates/rmds405/README.md 1).
-pub fn counts_per_turn(parameters: &Parameters) -> u32 {
+pub fn counts_per_turn(parameters: &RigConfig) -> u32 {
     parameters.encoder_lines.saturating_mul(4)
 }
 

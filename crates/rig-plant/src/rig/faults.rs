@@ -1,7 +1,7 @@
 //! What can be broken in an emulated rig, by the names that scripts use (docs/reference/simulator.md), and what that
 //! does to the rig.
 
-use super::Rig;
+use super::EmulatedRig;
 use super::encoder::Wires;
 use super::motor::Bridge;
 use super::plant::Plant;
@@ -188,7 +188,7 @@ pub enum FaultError {
     Program(RigFault),
 }
 
-impl Rig {
+impl EmulatedRig {
     /// Switches a fault, if this rig can have it.
     ///
     /// # Errors

@@ -7,7 +7,7 @@ use super::effects::strings::Strings;
 use super::outside::measured::{Measured, TwoWays};
 use super::surface::{GapPoint, SLACK_LOAD_N, Surface};
 use crate::PlantSettings;
-use rig_config::{Rig as Parameters, Scene};
+use rig_config::{RigConfig, Scene};
 use tsa_model::{Equilibrium, Mechanism, RadiusLaw, Tier, TierError, twist_from_turns};
 
 /// Maximum load that the surface covers, unless the load or the scene asks for more, N.
@@ -47,7 +47,7 @@ pub(super) fn rods_of(mechanism: &Mechanism, settings: &PlantSettings, surface: 
 }
 
 /// Ends of the rail, as gaps, m: those of the LVDT's stroke.
-pub(super) fn stops_of(parameters: &Parameters) -> [f64; 2] {
+pub(super) fn stops_of(parameters: &RigConfig) -> [f64; 2] {
     let stop = parameters.lvdt_gap_at_zero_m;
     [stop, stop + parameters.lvdt_stroke_m]
 }

@@ -9,7 +9,7 @@ use rand_pcg::rand_core::{Rng, SeedableRng};
 
 use super::effects::LVDT_GAIN_PER_K;
 use crate::PlantSettings;
-use rig_config::Rig as Parameters;
+use rig_config::RigConfig;
 
 /// Noise that the `lvdt-noisy` fault adds, m rms: a loose core.
 const FAULT_NOISE_M: f64 = 2e-3;
@@ -58,7 +58,7 @@ pub struct Lvdt {
 
 impl Lvdt {
     /// Settled at a gap. The seed is that of the curve's phase and of the noise inside the band.
-    pub fn new(parameters: &Parameters, settings: &PlantSettings, gap_m: f64, seed: u64) -> Self {
+    pub fn new(parameters: &RigConfig, settings: &PlantSettings, gap_m: f64, seed: u64) -> Self {
         let mut drift_noise = Pcg64Mcg::seed_from_u64(seed);
         let curve_phase_rad = TAU * f64::from(drift_noise.next_u32()) / f64::from(u32::MAX);
         Self {
@@ -156,7 +156,7 @@ mod tests {
     use super::*;
 
     fn lvdt(settings: &PlantSettings) -> (Lvdt, Pcg64Mcg) {
-        (Lvdt::new(&Parameters::default(), settings, 0.1, 1), Pcg64Mcg::seed_from_u64(1))
+        (Lvdt::new(&RigConfig::default(), settings, 0.1, 1), Pcg64Mcg::seed_from_u64(1))
     }
 
     #[test]
@@ -201,7 +201,7 @@ mod tests {
     fn its_curve_is_one_sine_over_the_stroke_with_a_phase_from_the_seed() {
         let settings = PlantSettings { lvdt_nonlinearity: 0.005, ..PlantSettings::default() };
         let curve = |seed: u64| {
-            let lvdt = Lvdt::new(&Parameters::default(), &settings, 0.1, seed);
+            let lvdt = Lvdt::new(&RigConfig::default(), &settings, 0.1, seed);
             (0..=200).map(|k| lvdt.curve_m(1e-3 * f64::from(k), &settings)).collect::<Vec<_>>()
         };
         let errors = curve(1);

@@ -33,7 +33,7 @@ use std::collections::VecDeque;
 use crate::{PlantChange, PlantKey, PlantSettings, RigPreset, Truth};
 use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::SeedableRng;
-use rig_config::{Rig as Parameters, Scene};
+use rig_config::{RigConfig, Scene};
 use rmds405::Address;
 use tsa_model::{Mechanism, Tier};
 
@@ -67,9 +67,9 @@ pub const HOST_USART: u8 = 2;
 
 /// Drive, motor, mechanism and sensors on the microcontroller's pins.
 #[derive(Clone)]
-pub struct Rig {
+pub struct EmulatedRig {
     /// What the scene says of its parts.
-    parameters: Parameters,
+    parameters: RigConfig,
     settings: PlantSettings,
     /// The scene's mechanism; `None` where the plant is from outside.
     mechanism: Option<Mechanism>,
@@ -109,7 +109,7 @@ pub struct Rig {
     records: Vec<Truth>,
 }
 
-impl Rig {
+impl EmulatedRig {
     /// A rig at rest, drive without power. `seed` is that of all noise.
     ///
     /// # Errors
@@ -119,11 +119,11 @@ impl Rig {
         Self::around(scene, settings, seed, Plant::BuiltIn(Box::new(plant)), Some(mechanism), tier)
     }
 
-    /// As [`Rig::new`] with a plant from outside in the place of the built-in one. The rig has the preset's keys and then
+    /// As [`EmulatedRig::new`] with a plant from outside in the place of the built-in one. The rig has the preset's keys and then
     /// the given ones; a plant from outside need not know those of the preset.
     ///
     /// # Errors
-    /// As [`Rig::new`], and [`ChangeError`] for a program that fails and a given key that such a plant has not.
+    /// As [`EmulatedRig::new`], and [`ChangeError`] for a program that fails and a given key that such a plant has not.
     pub fn from_outside(
         scene: &Scene,
         preset: RigPreset,
@@ -248,7 +248,7 @@ impl Rig {
     /// Changes the plant while the rig runs, with a value as an operator types it.
     ///
     /// # Errors
-    /// As [`Rig::change_plant`], and if key or value cannot be read.
+    /// As [`EmulatedRig::change_plant`], and if key or value cannot be read.
     pub fn set_plant(&mut self, key: &str, value: &str) -> Result<(), ChangeError> {
         self.change_plant(PlantChange::read(key, value)?)
     }
@@ -287,7 +287,7 @@ impl Rig {
         std::mem::take(&mut self.host_bytes)
     }
 
-    /// Keeps a [`Truth`] every 1 ms from now on, for [`Rig::take_records`].
+    /// Keeps a [`Truth`] every 1 ms from now on, for [`EmulatedRig::take_records`].
     pub fn record(&mut self) {
         self.record = true;
         self.look_at_tension();

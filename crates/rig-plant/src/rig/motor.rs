@@ -3,7 +3,7 @@
 //! The winding's inductance is left out: its time constant, about 0.1 ms, is below the time step.
 
 use crate::PlantSettings;
-use rig_config::Rig as Parameters;
+use rig_config::RigConfig;
 
 /// Viscous friction at the motor shaft, N m s/rad. Assumed.
 const VISCOUS_NM_S_PER_RAD: f64 = 1e-8;
@@ -72,7 +72,7 @@ pub struct Motor {
 
 impl Motor {
     /// At rest at an angle, its torque constant the scene's times a factor.
-    pub fn new(parameters: &Parameters, torque_constant_scale: f64, angle_rad: f64) -> Self {
+    pub fn new(parameters: &RigConfig, torque_constant_scale: f64, angle_rad: f64) -> Self {
         Self {
             torque_constant: parameters.motor_torque_constant_nm_per_a * torque_constant_scale,
             resistance: parameters.motor_resistance_ohm,
@@ -139,7 +139,7 @@ mod tests {
     use super::*;
 
     fn motor() -> Motor {
-        Motor::new(&Parameters::default(), 1.0, 0.0)
+        Motor::new(&RigConfig::default(), 1.0, 0.0)
     }
 
     /// A lossless gear, and 0.02 mN m of friction.
@@ -197,7 +197,7 @@ mod tests {
     #[test]
     fn a_stronger_magnet_turns_slower_at_the_same_voltage() {
         let speed = |scale: f64| {
-            let mut motor = Motor::new(&Parameters::default(), scale, 0.0);
+            let mut motor = Motor::new(&RigConfig::default(), scale, 0.0);
             (0..4000).for_each(|_| motor.step(2.5e-4, Bridge::Voltage(12.0), 0.0, &ideal()));
             motor.speed_rad_per_s
         };

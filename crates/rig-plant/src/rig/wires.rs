@@ -1,7 +1,7 @@
 //! What the chip's pins are wired to.
 
 use super::lvdt::volts_to_code;
-use super::{HOST_USART, Rig, SAME_TIME_S, STEP_S, STEPS_PER_TICK};
+use super::{EmulatedRig, HOST_USART, SAME_TIME_S, STEP_S, STEPS_PER_TICK};
 use crate::board::{Board, CanFrame, CanOutcome, Stimulus};
 use rmds405::{Frame, Received, Transport, serial};
 
@@ -24,7 +24,7 @@ const EXCITATION_V: f64 = 3.0;
 /// Internal reference on ADC channel 17, V (typical value of the STM32F446 data sheet).
 const VREFINT_V: f64 = 1.21;
 
-impl Rig {
+impl EmulatedRig {
     /// Drives every pin again: after power-up the microcontroller knows none of the levels.
     pub(super) fn drive_all_pins(&mut self) {
         self.pins.clear();
@@ -71,7 +71,7 @@ fn can_frame(frame: &Frame) -> CanFrame {
     CanFrame { id: u32::from(frame.id), extended: false, remote: false, dlc: 8, data: frame.data }
 }
 
-impl Board for Rig {
+impl Board for EmulatedRig {
     fn adc(&mut self, t_s: f64, channel: u8) -> u16 {
         self.advance(t_s);
         let reference_v = self.parameters.adc_reference_v;

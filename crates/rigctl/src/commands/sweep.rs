@@ -18,7 +18,7 @@ use std::f64::consts::{PI, TAU};
 use std::io::Write;
 use std::path::PathBuf;
 
-/// Rest before each turn (s), for the load to stop swinging.
+/// Rest before each turn (s), for the load to stop oscillating.
 const REST_S: f64 = 1.0;
 /// How long an emulated rig carries the heavier load of `--after`, and how long it then rests before homing (s); how fast a
 /// hand takes the load off (N/s), since the board takes a sudden change for a broken string.

@@ -200,7 +200,7 @@ impl Data {
         runs
     }
 
-    /// The same with at most so many rows of each sweep, evenly over its twist: neighbouring rows tell nearly the same.
+    /// The same with at most the given number of rows of each sweep, evenly over its twist: neighbouring rows tell nearly the same.
     #[must_use]
     pub fn thinned(&self, max: usize) -> Self {
         let mut kept = vec![false; self.rows.len()];

@@ -99,7 +99,7 @@ pub struct Identified {
     /// Whether the chosen law holds.
     pub law_holds: bool,
     /// How far it does.
-    pub misfit: Residual,
+    pub residual: Residual,
     /// What it misses, as a surface that the scene has; none if the law holds.
     pub correction: Option<Corrected>,
     /// Why the scene has none, though no law holds.
@@ -141,7 +141,7 @@ pub fn identify(scene: &Scene, data: &Data, candidates: &[Candidate]) -> Result<
     let mut identified = fit.unknowns.scene(&candidate.scene, &fit.base, &fit.x);
     let mut known = Known { fit: fit.clone(), others: competition.others().cloned().collect(), surface: None };
     let memories = memories(data, &known)?;
-    let misfit = Residual::of(data, &fit);
+    let residual = Residual::of(data, &fit);
     fit.held_out = competition.held_out();
     let based = data.based_on(&fit.base);
     let by_load_m = contraction_by_load_m(&based, &fit);
@@ -149,7 +149,7 @@ pub fn identify(scene: &Scene, data: &Data, candidates: &[Candidate]) -> Result<
         identified.uncertainty = Uncertainty {
             radius: MIN_RADIUS_ERROR,
             gap_zero_m: zero_error_m(fit.fitted.rms),
-            load_shape: if misfit.holds { CHANGE_ERROR } else { shape_error(fit.held_out.rms, by_load_m) },
+            load_shape: if residual.holds { CHANGE_ERROR } else { shape_error(fit.held_out.rms, by_load_m) },
             rod_memory: scene.uncertainty.rod_memory,
         };
     }
@@ -161,7 +161,7 @@ pub fn identify(scene: &Scene, data: &Data, candidates: &[Candidate]) -> Result<
         Ok(table) => (table, None),
         Err(why) => (None, Some(why)),
     };
-    let corrected = (!misfit.holds).then(|| corrected(&identified, &based, &fit, by_load_m));
+    let corrected = (!residual.holds).then(|| corrected(&identified, &based, &fit, by_load_m));
     let (correction, uncorrected) = match corrected {
         Some(Ok(found)) => {
             (identified, table) = (found.scene.clone(), found.table.clone());
@@ -174,8 +174,8 @@ pub fn identify(scene: &Scene, data: &Data, candidates: &[Candidate]) -> Result<
     Ok(Identified {
         fit,
         competition,
-        law_holds: misfit.holds,
-        misfit,
+        law_holds: residual.holds,
+        residual,
         correction,
         uncorrected,
         predictions: known.predictions(scene),

@@ -127,7 +127,7 @@ fn power_of_ten(k: i32) -> String {
     format!("10{}", k.to_string().chars().map(raised).collect::<String>())
 }
 
-/// A number with at most so many decimal places and none that are zero.
+/// A number with at most the given number of decimal places and none that are zero.
 fn plain(value: f64, places: usize) -> String {
     let text = format!("{value:.places$}");
     let text = if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { &text };

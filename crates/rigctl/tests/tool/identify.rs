@@ -323,7 +323,7 @@ fn the_simplest_law_that_predicts_what_is_held_out_is_chosen() {
     // One law by its name.
     let fit = object(&identified("one-law", "gap_m", 5e-6, &["--law", "length-ratio"], |k, _, gap| (HUNG[k], gap)));
     assert_eq!((&fit["chosen"]["law"], &fit["law_holds"]), (&"length-ratio".into(), &false.into()));
-    assert!(fit["misfit"]["excess_m"].as_f64().unwrap() > 50e-6, "{}", fit["misfit"]);
+    assert!(fit["residual"]["excess_m"].as_f64().unwrap() > 50e-6, "{}", fit["residual"]);
 }
 
 #[test]

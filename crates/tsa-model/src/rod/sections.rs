@@ -113,7 +113,7 @@ impl<T: Scalar> Sections<T> {
         direct.or_else(|_| self.march(x, 16)).or_else(|_| self.march(x, 256))
     }
 
-    /// The section at x, reached in so many steps from the last one.
+    /// The section at x, reached in the given number of steps from the last one.
     fn march(&mut self, x: T, steps: u32) -> Result<Solved<T>, SolveError> {
         let before = self.known;
         let from = before[0].0;

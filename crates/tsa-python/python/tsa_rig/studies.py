@@ -108,7 +108,7 @@ def designs(
     - `limits`: what ended it before `turns`, under any load
     - `tr_least_rad_per_m`, `tr_greatest_rad_per_m`: the transmission ratio at half the travel over the loads
     - `speed_m_per_s`: the load's speed there with the motor at its limit of speed and voltage, under the slowest load
-    - `current_a`: the greatest current of the motor within the travel, without friction
+    - `current_a`: the maximum current of the motor within the travel, without friction
     - `serves`: whether the travel is reached under every load within the drive's current limit
     - `refused`: why a scene with these constants is none; the other columns are then empty
 
@@ -227,7 +227,7 @@ def bootstrap(
     """How far can the constants of an identification be trusted? One row for each constant that the fit changes.
 
     The law is chosen once, as `identify` does. It is then fitted again to resamples: residuals change places in blocks
-    of twist, and what is expected of the constants beforehand is drawn anew. Columns: `constant`, `value` (fitted to
+    of twist, and what is expected of the constants beforehand is drawn again. Columns: `constant`, `value` (fitted to
     the sweeps themselves), `low` and `high` (between which nine of ten resamples lie), `standard_error`, `resamples`
     (that had a fit). The workers must find the sweeps under the same paths.
 
@@ -298,7 +298,7 @@ def _resampled(fit: dict[str, Any], random: np.random.Generator) -> list[float]:
 def _refit(task: Task) -> dict[str, Any]:
     """The constants of the mechanism by their keys.
 
-    For a resample, what is expected of the constants beforehand is drawn anew from its own spread, too: otherwise a
+    For a resample, what is expected of the constants beforehand is drawn again from its own spread, too: otherwise a
     constant that only the expectation tells would not vary (Bardsley and others, "Randomize-then-optimize", 2014).
     """
     arguments = task["scene"], task["sweeps"], task["law"], task["material"]

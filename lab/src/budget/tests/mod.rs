@@ -9,7 +9,7 @@ pub(super) fn scene() -> Scene {
 /// Parts of a rig of its own model but for some plant keys.
 fn of<'a>(scene: &'a Scene, keys: &[(PlantKey, f64)]) -> Budget<'a> {
     let size = |key| keys.iter().find(|(of, _)| *of == key).map_or(0.0, |(_, size)| *size);
-    Budget::new(scene, &Rig { sizes: &size, gauge_m: None }).unwrap()
+    Budget::new(scene, &RigErrors { sizes: &size, gauge_m: None }).unwrap()
 }
 
 fn near(found: f64, wanted: f64, fraction: f64, what: &str) {
@@ -95,7 +95,8 @@ fn a_tier_is_the_difference_of_its_gap() {
 #[test]
 fn a_table_that_is_worth_having_adds_little() {
     let scene = scene();
-    let mut budget = Budget::new(&scene, &Rig { sizes: &|key| RigPreset::Nominal.rms(key), gauge_m: None }).unwrap();
+    let mut budget =
+        Budget::new(&scene, &RigErrors { sizes: &|key| RigPreset::Nominal.rms(key), gauge_m: None }).unwrap();
     let without = budget.total();
     let worth = budget.worth();
     let rough = Scene { accuracy: Some(worth), ..scene.clone() };
@@ -124,7 +125,7 @@ fn a_wrong_ratio_makes_a_move_lag() {
 fn worse_rigs_are_worth_no_better_tables() {
     let scene = scene();
     let worth = RigPreset::ALL.map(|kind| {
-        let budget = Budget::new(&scene, &Rig { sizes: &|key| kind.rms(key), gauge_m: None }).unwrap();
+        let budget = Budget::new(&scene, &RigErrors { sizes: &|key| kind.rms(key), gauge_m: None }).unwrap();
         (budget.worth(), budget.total())
     });
     for [(better, small), (worse, large)] in [[worth[0], worth[1]], [worth[1], worth[2]]] {
@@ -155,8 +156,9 @@ fn numbers_are_cut_to_two_digits() {
 fn a_scene_without_an_envelope_or_beyond_a_limit_is_refused_by_name() {
     let mut scene = scene();
     scene.envelope = None;
-    let refused =
-        |scene: &Scene| Budget::new(scene, &Rig { sizes: &|_| 0.0, gauge_m: None }).err().expect("refused").to_string();
+    let refused = |scene: &Scene| {
+        Budget::new(scene, &RigErrors { sizes: &|_| 0.0, gauge_m: None }).err().expect("refused").to_string()
+    };
     assert!(refused(&scene).contains("[envelope]"));
     scene.envelope = Some(rig_config::Envelope { load_n: [0.5, 18.0], turns: [0.0, 40.0] });
     assert!(refused(&scene).contains("envelope.turns"));
@@ -177,7 +179,8 @@ fn a_small_envelope_has_a_budget() {
     let mut scene = scene();
     for (load_n, turns) in [([5.0, 5.01], [0.0, 0.5]), ([0.5, 18.0], [0.0, 0.1]), ([2.0, 3.0], [6.9, 7.0])] {
         scene.envelope = Some(rig_config::Envelope { load_n, turns });
-        let mut budget = Budget::new(&scene, &Rig { sizes: &|key| RigPreset::Hard.rms(key), gauge_m: None }).unwrap();
+        let mut budget =
+            Budget::new(&scene, &RigErrors { sizes: &|key| RigPreset::Hard.rms(key), gauge_m: None }).unwrap();
         budget.choose_tier();
         let (total, worth) = (budget.total(), budget.worth());
         for number in [total.position_m.all, total.load.all, worth.contraction_m, worth.tr_relative] {

@@ -54,7 +54,7 @@ pub enum SurfaceError {
         found: usize,
     },
     /// The data end before a rig could be homed.
-    #[error("the greatest twist is {0} rad; a rig needs at least {MIN_TWIST_RAD} rad")]
+    #[error("the maximum twist is {0} rad; a rig needs at least {MIN_TWIST_RAD} rad")]
     Short(f64),
     /// A file for one way of the twist has a column for it.
     #[error("a file for one way only has no column `direction`")]

@@ -10,19 +10,19 @@ use rmds405::{Command, CurrentLimit, Milliamps, Mode, QuadCounts, Report, Rpm, S
 use rmds405::{Received, serial};
 
 /// A rig whose motor-power relay is on since power-up.
-fn rig(keys: &[(&str, &str)]) -> Rig {
-    let mut rig = Rig::new(scene(), settings(keys), 1).unwrap_or_else(|e| panic!("{e}"));
+fn rig(keys: &[(&str, &str)]) -> EmulatedRig {
+    let mut rig = EmulatedRig::new(scene(), settings(keys), 1).unwrap_or_else(|e| panic!("{e}"));
     rig.gpio_out(0.0, 'B', 1 << 10);
     rig
 }
 
-fn send(rig: &mut Rig, t_s: f64, command: Command) -> CanOutcome {
+fn send(rig: &mut EmulatedRig, t_s: f64, command: Command) -> CanOutcome {
     let frame = command.encode(address());
     rig.can_tx(t_s, &CanFrame { id: frame.id.into(), extended: false, remote: false, dlc: 8, data: frame.data })
 }
 
 /// What the drive says until `t_s`.
-pub(super) fn listen(rig: &mut Rig, t_s: f64) -> Vec<Report> {
+pub(super) fn listen(rig: &mut EmulatedRig, t_s: f64) -> Vec<Report> {
     let own = address();
     let reports = rig.poll(t_s).into_iter().filter_map(|stimulus| match stimulus {
         Stimulus::Can(f) => {
@@ -42,7 +42,7 @@ fn hold(position: i32) -> Command {
 }
 
 /// Through Reset, mode and feedback, each with its 500 ms; holding from about 1.1 s.
-pub(super) fn start(rig: &mut Rig) -> f64 {
+pub(super) fn start(rig: &mut EmulatedRig) -> f64 {
     send(rig, 0.55, Command::ChooseMode(Mode::CurrentVelocityPosition));
     send(rig, 1.06, Command::Config { motion_ms: 10, mixed_ms: 0 });
     let counts = rig.drive_counts() - rig.boot_counts;
@@ -247,7 +247,7 @@ fn a_shorted_bus_and_a_silent_drive_are_told_apart() {
 }
 
 /// A command on the serial line, its last byte ending at `t_s`.
-fn send_bytes(rig: &mut Rig, t_s: f64, command: Command) {
+fn send_bytes(rig: &mut EmulatedRig, t_s: f64, command: Command) {
     let bytes = serial::encode(&command.encode(address()));
     for (k, byte) in bytes.into_iter().enumerate() {
         rig.uart_tx(t_s - 1e-6 * (9 - k) as f64 * BYTE_US as f64, 1, byte);
@@ -255,7 +255,7 @@ fn send_bytes(rig: &mut Rig, t_s: f64, command: Command) {
 }
 
 /// What the drive says on the serial line until `t_s`; anything else it says is an error.
-fn listen_bytes(rig: &mut Rig, t_s: f64) -> Vec<Report> {
+fn listen_bytes(rig: &mut EmulatedRig, t_s: f64) -> Vec<Report> {
     let mut decoder = Decoder::reports();
     let mut found = Vec::new();
     let mut now_us = 0;
@@ -306,7 +306,7 @@ fn the_transport_that_was_used_first_wins_until_a_restart() {
 fn a_rig_without_a_bus_cannot_have_it_shorted() {
     let mut scene = scene().clone();
     scene.rig.drive_transport = rig_config::DriveTransport::Uart;
-    let mut r = Rig::new(&scene, PlantSettings::default(), 1).unwrap_or_else(|e| panic!("{e}"));
+    let mut r = EmulatedRig::new(&scene, PlantSettings::default(), 1).unwrap_or_else(|e| panic!("{e}"));
     let refused = r.try_fault(RigFault::CanBusOff, true).expect_err("no bus").to_string();
     assert!(refused.contains("can-bus-off") && refused.contains("drive_transport"), "{refused}");
     assert_eq!(r.try_fault(RigFault::CanSilent, true), Ok(()));
@@ -338,7 +338,7 @@ fn a_running_rig_takes_what_makes_no_other_mechanism() {
 #[test]
 fn a_twist_that_the_strings_cannot_have_is_refused_with_its_limit() {
     let new = |load_n, twist_at_boot_rad| {
-        Rig::new(scene(), PlantSettings { load_n, twist_at_boot_rad, ..PlantSettings::default() }, 1)
+        EmulatedRig::new(scene(), PlantSettings { load_n, twist_at_boot_rad, ..PlantSettings::default() }, 1)
     };
     for (load_n, sign) in [(0.05, 1.0), (1.0, -1.0), (18.0, -1.0), (40.0, 1.0)] {
         let error = new(load_n, sign * 75.0).err().expect("past eleven turns").to_string();
@@ -375,7 +375,7 @@ fn the_plant_runs_on_the_cheapest_model_that_its_scene_needs() {
     for (name, tier) in [("finger", Tier::Rigid), ("default", Tier::Full)] {
         let file = format!("{}/../../scenes/{name}.toml", env!("CARGO_MANIFEST_DIR"));
         let scene = Scene::load(file).unwrap_or_else(|e| panic!("{e}"));
-        let rig = Rig::new(&scene, PlantSettings::default(), 1).unwrap_or_else(|e| panic!("{e}"));
+        let rig = EmulatedRig::new(&scene, PlantSettings::default(), 1).unwrap_or_else(|e| panic!("{e}"));
         assert_eq!(rig.tier(), tier, "{name}");
         let (envelope, accuracy) = scene.table_requirement().unwrap_or_else(|e| panic!("{e}"));
         let exact = scene.mechanism().unwrap_or_else(|e| panic!("{e}"));

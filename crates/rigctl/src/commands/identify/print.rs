@@ -112,7 +112,7 @@ pub fn judged(found: &Identified, output: &mut Output) -> Result<(), Failure> {
             s.law, s.material, s.constants
         ))?;
     }
-    let m = &found.misfit;
+    let m = &found.residual;
     let explained = "sensor noise and friction in the mean of up and down explain";
     let rms = format!("its residual is {} rms, {explained} {}", UM.show(m.rms_m), UM.show(m.explained_m));
     output.line(match m.holds {

@@ -2,7 +2,7 @@
 
 use crate::bench::settings;
 use crate::board::{Board, Stimulus};
-use crate::rig::Rig;
+use crate::rig::EmulatedRig;
 use crate::rig::built_in::BuiltIn;
 use crate::rig::plant::Plant;
 use crate::{PlantSettings, RigPreset};
@@ -18,8 +18,8 @@ fn scene(name: &str) -> Scene {
     Scene::load(file).unwrap_or_else(|e| panic!("{e}"))
 }
 
-fn rig(keys: &[(&str, &str)]) -> Rig {
-    Rig::new(&scene(SCENE), settings(keys), 1).unwrap_or_else(|e| panic!("{e}"))
+fn rig(keys: &[(&str, &str)]) -> EmulatedRig {
+    EmulatedRig::new(&scene(SCENE), settings(keys), 1).unwrap_or_else(|e| panic!("{e}"))
 }
 
 /// The load and its mechanism by themselves, without friction unless the keys give it.
@@ -38,7 +38,7 @@ impl Hung {
         Self::of(rig(&keys))
     }
 
-    fn of(rig: Rig) -> Self {
+    fn of(rig: EmulatedRig) -> Self {
         let shaft_rad = rig.settings.twist_at_boot_rad;
         let Plant::BuiltIn(plant) = rig.plant else { panic!("built in") };
         Self { shaft_rad, plant: *plant, work_j: 0.0 }
@@ -183,7 +183,7 @@ fn after_twenty_cycles_the_mechanism_is_that_of_thinner_strings() {
 fn another_exponent_contracts_as_the_solver_says_by_either_law() {
     let shifted = |name: &str, shift: &str| {
         let settings = settings(&[("twist_exponent_shift", shift), ("load", "5N"), ("twist_at_boot", "30")]);
-        Rig::new(&scene(name), settings, 1).unwrap_or_else(|e| panic!("{e}")).truth().gap_m
+        EmulatedRig::new(&scene(name), settings, 1).unwrap_or_else(|e| panic!("{e}")).truth().gap_m
     };
     let mut exact = scene(SCENE);
     exact.string.twist_exponent = exact.string.twist_exponent.map(|p| p + 0.05);
@@ -237,7 +237,7 @@ fn the_rail_holds_by_its_static_friction_with_the_loads_share() {
 
 /// What the drive reports of the current while it holds still, A.
 fn reported(keys: &[(&str, &str)], seed: u64) -> Vec<f64> {
-    let mut rig = Rig::new(&scene(SCENE), settings(keys), seed).unwrap_or_else(|e| panic!("{e}"));
+    let mut rig = EmulatedRig::new(&scene(SCENE), settings(keys), seed).unwrap_or_else(|e| panic!("{e}"));
     rig.gpio_out(0.0, 'B', 1 << 10);
     crate::rig::tests::start(&mut rig);
     crate::rig::tests::listen(&mut rig, 3.0)
@@ -326,7 +326,7 @@ fn no_effect_creates_energy_alone_or_with_the_others() {
 fn a_seed_names_one_rig_to_the_last_bit() {
     let run = |preset, seed| {
         let settings = PlantSettings::preset(preset, seed);
-        let mut rig = Rig::new(&scene(SCENE), settings, seed).unwrap_or_else(|e| panic!("{e}"));
+        let mut rig = EmulatedRig::new(&scene(SCENE), settings, seed).unwrap_or_else(|e| panic!("{e}"));
         rig.record();
         let codes: Vec<u16> = (0..500).map(|k| rig.adc(1e-3 * f64::from(k), 0)).collect();
         let pins = rig.poll(0.5).iter().filter(|s| matches!(s, Stimulus::Pin { .. })).count();

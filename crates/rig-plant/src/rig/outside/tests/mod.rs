@@ -4,15 +4,15 @@ use super::Outside;
 use super::measured::Measured;
 use crate::bench::scene;
 use crate::board::Board;
-use crate::rig::{ChangeError, Rig, RigError};
+use crate::rig::{ChangeError, EmulatedRig, RigError};
 use crate::{PlantChange, PlantSettings, RigFault, RigPreset};
 use std::fmt::Write as _;
 
 const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
 
-fn from(outside: &Outside, preset: RigPreset, given: &[&str]) -> Result<Rig, RigError> {
+fn from(outside: &Outside, preset: RigPreset, given: &[&str]) -> Result<EmulatedRig, RigError> {
     let given: Vec<PlantChange> = given.iter().map(|text| text.parse().unwrap()).collect();
-    Rig::from_outside(scene(), preset, &given, 1, outside)
+    EmulatedRig::from_outside(scene(), preset, &given, 1, outside)
 }
 
 fn spring() -> Outside {
