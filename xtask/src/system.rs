@@ -50,11 +50,41 @@ pub fn ensure_emulator_tools() -> Result<()> {
     )
 }
 
-/// Whether bindgen can be expected to find libclang. Systems without `ldconfig` have it with their compiler.
+/// Whether bindgen finds libclang: where `LIBCLANG_PATH` says, among the linker's libraries, or in the folder that `llvm-config`
+/// names, which may be installed without it. Systems without `ldconfig` have it with their compiler.
 fn has_libclang() -> bool {
-    let told = std::env::var_os("LIBCLANG_PATH").is_some() || exists("llvm-config");
-    let libraries = || output_of(Command::new("/sbin/ldconfig").arg("-p"));
-    // libclang-cpp is another library.
-    let is_libclang = |line: &str| line.trim().starts_with("libclang") && !line.trim().starts_with("libclang-cpp");
-    told || libraries().is_none_or(|list| list.lines().any(is_libclang))
+    if std::env::var_os("LIBCLANG_PATH").is_some() {
+        return true;
+    }
+    let of_llvm = || {
+        let folder = output_of(Command::new("llvm-config").arg("--libdir"))?;
+        let files = std::fs::read_dir(folder.trim()).ok()?;
+        Some(files.flatten().any(|file| is_libclang(&file.file_name().to_string_lossy())))
+    };
+    let libraries = output_of(Command::new("/sbin/ldconfig").arg("-p"));
+    libraries.is_none_or(|list| list.lines().any(is_libclang)) || of_llvm().unwrap_or(false)
+}
+
+/// Whether a line of `ldconfig -p` or the name of a file is that of libclang. libclang-cpp is another library.
+fn is_libclang(line: &str) -> bool {
+    let name = line.trim().split(' ').next().unwrap_or_default();
+    name.starts_with("libclang") && name.contains(".so") && !name.starts_with("libclang-cpp")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::is_libclang;
+
+    #[test]
+    fn libclang_is_not_mistaken_for_its_neighbours() {
+        for (line, is) in [
+            ("\tlibclang-14.so.1 (libc6,x86-64) => /lib/x86_64-linux-gnu/libclang-14.so.1", true),
+            ("libclang.so.1", true),
+            ("\tlibclang-cpp.so.14 (libc6,x86-64) => /lib/x86_64-linux-gnu/libclang-cpp.so.14", false),
+            ("libclang_rt.builtins.a", false),
+            ("\tlibLLVM-14.so.1 (libc6,x86-64) => /lib/x86_64-linux-gnu/libLLVM-14.so.1", false),
+        ] {
+            assert_eq!(is_libclang(line), is, "{line}");
+        }
+    }
 }
