@@ -5,7 +5,7 @@
 use host_tests::rigs::commission::Firmware;
 use host_tests::rigs::subject::{EFFECTS, Subject};
 use host_tests::{ControlBench, scene};
-use lab::budget::{Budget, Fraction, Part, Rig};
+use lab::budget::{Budget, Fraction, Part, RigErrors};
 use rig_config::{Accuracy, Envelope, Scene};
 use rig_link::messages::{LoadChoice, Request, State};
 use rig_plant::{PlantKey, RigPreset};
