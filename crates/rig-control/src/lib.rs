@@ -1,7 +1,7 @@
 //! All decisions of the firmware, as pure step functions: time, readings and requests come in as arguments, commands and
 //! events go out. The same code runs on the board and in desktop tests.
 //!
-//! A tick begins and ends in [`supervisor`]: [`supervisor::Rig::step`]. It uses, from the sensors to the motor:
+//! A tick begins and ends in [`supervisor`]: [`supervisor::Controller::step`]. It uses, from the sensors to the motor:
 //! - [`constants`]: the rig's numbers, generated from the scene; [`settings`]: how settings correct them, and their record
 //!   in flash.
 //! - [`sensors`]: readings with their time and validity; raw codes to SI.

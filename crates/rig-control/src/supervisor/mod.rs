@@ -1,4 +1,4 @@
-//! The rig as one state machine. [`Rig::step`] is one control tick; time comes in with the readings.
+//! The rig as one state machine. [`Controller::step`] is one control tick; time comes in with the readings.
 //!
 //! ```text
 //!          drive and LVDT ready          home                 done             move
