@@ -27,14 +27,14 @@
 //! **An LVDT sample**: `LvdtBlock` in [`Inputs`] → [`crate::sensors::Lvdt::read`] → `Readings` → `LoadTracking::observe`
 //! (position, load, TR) → `Guard::check` → `LoadControl` (error of the position) → set-point of the shaft → drive command.
 //!
-//! **A `move`**: `Rig::answer` → `Rig::start_move` → [`crate::move_check`] → `Mode::Moving` → `Rig::control_load` each
+//! **A `move`**: `Controller::answer` → `Controller::start_move` → [`crate::move_check`] → `Mode::Moving` → `Controller::control_load` each
 //! tick: planner, position loop, friction compensation, set-point of the shaft → `Mode::Holding`.
 //!
-//! **A stream** of set-points (`track`): `Rig::track` for each of them → `Mode::Streaming` → `Stream::step` each tick. It
+//! **A stream** of set-points (`track`): `Controller::track` for each of them → `Mode::Streaming` → `Stream::step` each tick. It
 //! ends in a `Move` that brakes, and so in a hold.
 //!
-//! **A fault**: `Guard::check` → `Rig::raise` (latches it; the set-point stops) → `Mode::Fault` → `Rig::drive_command` by
-//! the fault's response → `Rig::clear`.
+//! **A fault**: `Guard::check` → `Controller::raise` (latches it; the set-point stops) → `Mode::Fault` → `Controller::drive_command` by
+//! the fault's response → `Controller::clear`.
 //!
 //! Without torque the strings can untwist and drop the load, so no fault takes the torque away from a drive that holds.
 //! Nothing clears itself. After a fault that loses the position, an emergency stop or a reset, nothing moves without a
