@@ -208,7 +208,7 @@ fn said(output: &Output) -> String {
 /// The last line that was printed, as JSON.
 fn last_line(output: &Output) -> Value {
     let text = String::from_utf8_lossy(&output.stdout).into_owned();
-    serde_json::from_str(text.lines().last().unwrap_or_default()).unwrap_or_else(|e| panic!("{e}: {text}"))
+    serde_json::from_str(text.lines().last().unwrap_or_default()).unwrap_or_else(|e| panic!("{e}: {}", said(output)))
 }
 
 #[test]

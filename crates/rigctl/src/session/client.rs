@@ -330,11 +330,12 @@ impl Session {
     /// The board's refusal, in words, or that no reply came.
     pub fn request(&mut self, request: &Request) -> Result<Accepted, Failure> {
         let number = self.post_anew(request)?;
-        self.until(REPLY_S, |s| s.reply_to(number).is_some())?;
+        let wait_s = self.hearing.wait_s(REPLY_S);
+        self.until(wait_s, |s| s.reply_to(number).is_some())?;
         match self.reply_to(number).and_then(|place| self.replies.remove(place)) {
             Some((_, Ok(accepted))) => Ok(accepted),
             Some((_, Err(refusal))) => Err(Failure::failed(format!("refused: {refusal}"))),
-            None => Err(Failure::failed(format!("no reply from the board within {REPLY_S} s"))),
+            None => Err(Failure::failed(format!("no reply from the board within {wait_s} s"))),
         }
     }
 
@@ -358,7 +359,7 @@ impl Session {
     ) -> Result<T, Failure> {
         *newest(self) = None;
         self.request(request)?;
-        let end_s = self.now_s() + REPLY_S;
+        let end_s = self.now_s() + self.hearing.wait_s(REPLY_S);
         while self.now_s() < end_s {
             self.step()?;
             if let Some(sent) = newest(self) {
@@ -374,10 +375,11 @@ impl Session {
     /// If nobody answers, or board and tool have different protocols.
     pub fn greet(&mut self) -> Result<(), Failure> {
         // A board of another protocol may send no telemetry that this tool can read: it is greeted all the same.
-        let heard = self.until(HELLO_S, |s| s.last.is_some())?;
+        let wait_s = self.hearing.wait_s(HELLO_S);
+        let heard = self.until(wait_s, |s| s.last.is_some())?;
         let greeted = self.ask(&Request::Hello(TOOL), "identity", |s| &mut s.identity);
         if !heard && self.board.is_none() {
-            return Err(Failure::failed(format!("no telemetry within {HELLO_S} s: is the board on, is it this port?")));
+            return Err(Failure::failed(format!("no telemetry within {wait_s} s: is the board on, is it this port?")));
         }
         greeted?;
         self.settings().map(drop)
@@ -406,7 +408,7 @@ impl Session {
     pub fn set(&mut self, request: &Request) -> Result<bool, Failure> {
         let accepted = self.request(request)?;
         // A report that came with the reply may be older than the change; one that is requested now is not.
-        let end_s = self.now_s() + FLASH_S;
+        let end_s = self.now_s() + self.hearing.wait_s(FLASH_S);
         while self.now_s() < end_s {
             match self.settings()?.kept {
                 Kept::These => return Ok(accepted == Accepted::Unhomed),

@@ -84,6 +84,11 @@ impl Hearing {
         self.stores_until_s = self.now_s + for_s;
     }
 
+    /// A wait (s), longer by as much as a line delivers later than usual.
+    pub fn wait_s(&self, usual_s: f64) -> f64 {
+        usual_s * self.silent_after_s / SILENT_S
+    }
+
     /// How long a board has been silent that was heard before (s).
     pub fn silent_s(&self) -> Option<f64> {
         let storing_s = if self.now_s < self.stores_until_s { STORING_S } else { 0.0 };
@@ -161,5 +166,12 @@ mod tests {
         hearing.row(20_000);
         hearing.row(50_000);
         assert_eq!(hearing.lost(), 360_001 + 2);
+    }
+
+    #[test]
+    fn waits_grow_with_the_time_after_which_a_board_is_silent() {
+        let usual = Hearing::default();
+        let slow = Hearing { silent_after_s: 10.0 * SILENT_S, ..Hearing::default() };
+        assert_eq!((usual.wait_s(3.0), slow.wait_s(3.0)), (3.0, 30.0));
     }
 }
