@@ -99,10 +99,10 @@ impl Backup {
             )));
         }
         if self.protocol_hash.is_some_and(|theirs| theirs != PROTOCOL_HASH) {
-            eprintln!("{name} is of another firmware; settings keep their names, so this is no harm");
+            crate::say!("{name} is of another firmware; settings keep their names, so this is no harm");
         }
         if !lacks.is_empty() {
-            eprintln!("not in {name}, so left as on the board: {}", lacks.join(", "));
+            crate::say!("not in {name}, so left as on the board: {}", lacks.join(", "));
         }
         Ok(result)
     }

@@ -130,7 +130,7 @@ pub fn started<C: Parser>(
             let _ = failure.object().map_or(Ok(()), |object| output.object(&object));
             let _ = output.flush();
             if let Some(message) = failure.message() {
-                eprintln!("error: {message}");
+                crate::say!("error: {message}");
             }
             match failure {
                 Failure::Usage(_) => ExitCode::from(2),

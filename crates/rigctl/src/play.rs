@@ -8,7 +8,7 @@ use crate::script::{Action, Event, Script, ScriptFault};
 use crate::session::{STEP_S, Session};
 use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::{Rng, SeedableRng};
-use rig_link::Request;
+use rig_link::{Request, State};
 use std::collections::{HashMap, VecDeque};
 use std::ops::ControlFlow;
 
@@ -18,7 +18,8 @@ const NOISE_BYTES: u32 = 40;
 /// Plays a script to its end, or until `each` breaks off, and returns how many commands were refused. `each` is called
 /// after every step with the messages for the operator: refusals, and what has to be done by hand. A command waits until
 /// the board has started, but for `stop`, which also cancels the commands that wait. A real board that falls silent ends
-/// the script; an emulated one does so for a fault of the script, and starts again.
+/// the script; an emulated one does so for a fault of the script, and starts again. A real rig that still moves at the end is
+/// stopped.
 ///
 /// # Errors
 /// If the port fails, the board is silent, an event is impossible (all are checked before the first one), or `each` fails.
@@ -71,6 +72,16 @@ pub fn play(
     }
     if session.silent_s().is_some() {
         return Err(Failure::failed("the board is silent: whether the rig stands still is not known"));
+    }
+    // An emulated board ends with its script.
+    let moves = session.telemetry().is_some_and(|t| matches!(t.state, State::Homing | State::Moving));
+    if moves && session.emulated().is_none() {
+        if !session.stop()? {
+            return Err(Failure::failed(
+                "the script ended while the rig moved, and the board did NOT acknowledge the stop",
+            ));
+        }
+        let _ = each(session, vec!["the script ended while the rig moved: stopped".into()])?;
     }
     let never = |event: &&Event| {
         format!("script line {}: refused: the board did not start before the script's end", event.line)

@@ -347,6 +347,40 @@ fn a_board_that_falls_silent_on_an_open_line_ends_every_command_with_an_error() 
 }
 
 #[test]
+fn a_script_that_ends_while_the_rig_moves_stops_it() {
+    on_a_board(|board| {
+        let script = std::env::temp_dir().join(format!("rigctl-ends-{}.script", std::process::id()));
+        std::fs::write(&script, "0.5 jog 1rad/s\n3 end\n").expect("written");
+        let before = board.now();
+        let played = board.rigctl(&["--scene", SCENE, "play", script.to_str().expect("a path")]);
+        let words = said(&played).contains("the script ended while the rig moved: stopped");
+        assert!(played.status.success() && words, "{}", said(&played));
+        assert!((board.now().twist_rad - before.twist_rad).abs() > 0.5, "it turned");
+        board.stands();
+        let status = last_line(&board.rigctl(&["--scene", SCENE, "status"]));
+        assert!(status["telemetry"]["fault"].is_null(), "{status}");
+        std::fs::remove_file(script).expect("was there");
+        Some(board)
+    });
+}
+
+/// What goes to standard error may fail, the command may not.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_full_disk_behind_standard_error_does_not_keep_a_stop_from_the_board() {
+    on_a_board(|board| {
+        board.met.store(true, Ordering::Relaxed);
+        let mut tool = rigctl();
+        tool.args(["--scene", SCENE, "stop"]).env("RIGCTL_PORT", &board.device);
+        let full = std::fs::File::options().write(true).open("/dev/full").expect("Linux has it");
+        let ended = tool.stderr(full).output().expect("rigctl runs");
+        board.met.store(false, Ordering::Relaxed);
+        assert_eq!(ended.status.code(), Some(0), "{}", said(&ended));
+        Some(board)
+    });
+}
+
+#[test]
 fn an_interrupt_says_whether_the_stop_has_arrived() {
     on_a_board(|board| {
         let tool = board.turning(&["jog", "--speed", "1", "--seconds", "600"]);

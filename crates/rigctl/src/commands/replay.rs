@@ -52,7 +52,7 @@ pub fn run(global: &Global, options: &Replay, output: &mut Output) -> Result<(),
     let crc = format!("{:08x}", table.checksum());
     let same_table = log.header.get("table.crc") == Some(&crc);
     if !same_table {
-        eprintln!("note: the board's table was another one for the same scene; small differences are the tables'");
+        crate::say!("note: the board's table was another one for the same scene; small differences are the tables'");
     }
     let stretches = replay(&log, &scene, &table).map_err(wrong)?;
     output.object(&json!({"file": name.to_string(), "same_table": same_table, "stretches": stretches}))?;
