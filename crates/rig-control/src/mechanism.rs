@@ -18,6 +18,10 @@ pub const OUTSIDE_RAD: f32 = 0.2;
 /// How far beyond the table's twists a tangent continues it (rad): what the scale can shift the pre-twist by.
 const TANGENT_RAD: f32 = 0.5;
 
+/// Minimum slope of the gap over the twist, as a fraction of the table's: strings that are twisted always shorten, and a curve
+/// that says otherwise must not turn the direction of the control around.
+const MIN_SLOPE: f32 = 0.25;
+
 /// The table with the rig's own scale and curve.
 #[derive(Clone, Copy, Debug)]
 pub struct Mechanism<'t> {
@@ -40,7 +44,8 @@ impl Mechanism<'_> {
         point.gap_m += point.dgap_dtwist_m_per_rad * (scaled_rad - inside_rad).clamp(-TANGENT_RAD, TANGENT_RAD);
         let (beside_m, slope_m_per_rad) = self.curve.at(twist_rad);
         point.gap_m += beside_m;
-        point.dgap_dtwist_m_per_rad = self.twist_scale * point.dgap_dtwist_m_per_rad + slope_m_per_rad;
+        let scaled = self.twist_scale * point.dgap_dtwist_m_per_rad;
+        point.dgap_dtwist_m_per_rad = (scaled + slope_m_per_rad).min(MIN_SLOPE * scaled);
         point
     }
 
@@ -54,5 +59,24 @@ impl Mechanism<'_> {
     pub fn twist_max_rad(&self) -> f32 {
         let m = &self.table.metadata;
         m.twist_max_rad / self.twist_scale.max(1.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::homing::load_estimate::tests::table;
+
+    /// A cubic through the residual of a homing may rise by more than the gap falls.
+    #[test]
+    fn no_curve_turns_the_slope_of_the_gap_around() {
+        let curve = GapCurve { middle_rad: 20.0, half_rad: 15.0, coefficients_m: [0.0, 50e-3, 0.0, 0.0] };
+        let mechanism = Mechanism { table: *table(), twist_scale: 1.1, curve };
+        let bare = Mechanism { curve: GapCurve::constant(0.0), ..mechanism };
+        for twist_rad in [6.0, 20.0, 34.0] {
+            let [with, without] = [mechanism, bare].map(|mechanism| mechanism.at(5.0, twist_rad));
+            assert_eq!(with.dgap_dtwist_m_per_rad, 0.25 * without.dgap_dtwist_m_per_rad, "{twist_rad}");
+            assert!(with.tr_rad_per_m() > 0.0);
+        }
     }
 }

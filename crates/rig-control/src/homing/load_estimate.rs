@@ -382,4 +382,4 @@ fn below(mechanism: &Mechanism<'_>, load_n: f32, twist_rad: f32) -> Point {
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

@@ -9,7 +9,7 @@ use std::sync::OnceLock;
 use tsa_table::owned::OwnedTable;
 
 /// The table of the default scene.
-fn table() -> &'static Table<'static> {
+pub(crate) fn table() -> &'static Table<'static> {
     static OWNED: OnceLock<OwnedTable> = OnceLock::new();
     static TABLE: OnceLock<Table<'static>> = OnceLock::new();
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenes/default.toml");
