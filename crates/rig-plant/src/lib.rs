@@ -9,6 +9,7 @@
 //! - [`control`]: requests and answers, one JSON value on each line.
 //! - [`plant`]: what can be changed about the emulated rig without telling the firmware.
 //! - [`preset`]: rigs that differ from their own model, drawn from a seed.
+//! - [`trial`]: one rig of a kind, tried once: what the board states next to what is true.
 //! - [`truth`]: what really happens in the emulated rig.
 //! - [`units`]: numbers with units, as an operator types them.
 
@@ -20,6 +21,7 @@ pub mod control;
 pub mod plant;
 pub mod preset;
 pub mod rig;
+pub mod trial;
 pub mod truth;
 pub mod units;
 

@@ -130,7 +130,7 @@ impl std::str::FromStr for RigPreset {
 
 /// A number in 0..1 that depends on a seed and a name: the first of the stream that both begin (splitmix64; the name by
 /// the hash FNV-1a).
-fn uniform(seed: u64, name: &str) -> f64 {
+pub(crate) fn uniform(seed: u64, name: &str) -> f64 {
     let hash = name
         .bytes()
         .fold(0xcbf2_9ce4_8422_2325, |hash: u64, byte| (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3));

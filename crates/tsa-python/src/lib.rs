@@ -7,6 +7,7 @@ use pyo3::prelude::*;
 
 mod rig;
 mod tool;
+mod trial;
 
 /// Points that one thread takes at once: the first of each may be slow, the next ones are not.
 const CHUNK: usize = 256;
@@ -154,6 +155,8 @@ mod _core {
     use super::rig::Board;
     #[pymodule_export]
     use super::tool::{refit, tool};
+    #[pymodule_export]
+    use super::trial::trial;
     #[pymodule_export]
     use super::{Scene, Table};
 }

@@ -2,11 +2,13 @@
 
 import json
 import os
+import signal
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 from distributed import Client, LocalCluster
 
@@ -156,3 +158,69 @@ def test_rigs_of_many_seeds_are_compared(client: Client, tmp_path: Path) -> None
     assert found.loc[0, "true_error_m"] != found.loc[1, "true_error_m"], "another seed is another rig"
     with pytest.raises(ValueError, match="load"):
         run("heavy")
+
+
+def test_a_killed_worker_loses_no_trial_and_makes_none_twice(client: Client, tmp_path: Path) -> None:
+    killed: list[int] = []
+
+    def kill_one(done: int, _: int) -> None:
+        if not killed:
+            pids = client.run(os.getpid)
+            killed.append(next(iter(pids.values())))
+            os.kill(killed[0], signal.SIGKILL)
+
+    seeds = range(1, 4 * studies.CHUNK + 1)
+    found = studies.trials(seeds, client=client, folder=tmp_path, kinds=["ideal"], progress=kill_one)
+    assert killed and set(found["seed"]) == set(seeds)
+    assert not found.duplicated(["kind", "seed", "moment"]).any()
+    assert not found["ended"].str.startswith("worker").any()
+    # The file has the same rows, and a second call computes nothing.
+    (file,) = tmp_path.glob("trials-*.parquet")
+    assert pd.read_parquet(file).equals(found)
+    kept = files(tmp_path)
+    again = studies.trials(seeds, client=client, folder=tmp_path, kinds=["ideal"])
+    assert again.equals(found)
+    assert {name: time for name, time in files(tmp_path).items() if name != file.name}.items() <= kept.items()
+    with pytest.raises(ValueError, match="wooden"):
+        studies.trials([1], client=client, folder=tmp_path, kinds=["wooden"])
+    with pytest.raises(ValueError, match="seeds"):
+        studies.trials([], client=client, folder=tmp_path)
+
+
+def test_a_task_that_fails_is_tried_again_and_then_a_row(client: Client, tmp_path: Path) -> None:
+    def work(task: dict[str, Any]) -> int:
+        tries = Path(task["tries"])
+        tries.write_text(tries.read_text() + "x" if tries.exists() else "x")
+        if len(tries.read_text()) <= task["fails"]:
+            raise RuntimeError("no luck")
+        return 7
+
+    def run(name: str, fails: int, failed: Any = None) -> list[Any]:
+        task = {"tries": str(tmp_path / name), "fails": fails}
+        return studies._run("luck", work, [task], client, tmp_path / "results", failed=failed)
+
+    assert run("twice", studies.RETRIES) == [7]
+    assert run("always", 99, failed=lambda _, error: str(error)) == ["no luck"]
+    with pytest.raises(RuntimeError, match="no luck"):
+        run("never", 99)
+
+
+def test_coverage_counts_what_is_held() -> None:
+    rows = pd.DataFrame(
+        {
+            "kind": "nominal",
+            "moment": "homed",
+            "true_load_n": [2.0] * 10,
+            "load_n": [2.05] * 9 + [2.5],
+            "load_error_n": 0.1,
+            "true_position_m": 0.0,
+            "position_m": [1e-5] * 5 + [3e-5] * 5,
+            "position_error_m": 2e-5,
+        }
+    )
+    (found,) = studies.coverage(rows, ["kind", "load"]).to_dict("records")
+    assert (found["kind"], found["load"], found["load_n"]) == ("nominal", "light", 10)
+    assert found["load_held"] == pytest.approx(0.9) and found["position_held"] == pytest.approx(0.5)
+    # Wilson's interval of 9 in 10 at 90 %.
+    assert (found["load_low"], found["load_high"]) == pytest.approx((0.6528, 0.9773), abs=2e-3)
+    assert found["load_stated"] == pytest.approx(0.1) and found["position_error"] == pytest.approx(3e-5)

@@ -1,9 +1,10 @@
-"""Studies on many cores or machines: designs of the mechanism, the bootstrap of an identification, rigs of many seeds.
+"""Studies on many cores or machines: designs of the mechanism, the bootstrap of an identification, rigs of many seeds,
+and how often the errors hold that the board states.
 
 Each study is a set of independent tasks that a `distributed.Client` runs: on processes of this machine, or on a
 cluster.
-`pip install "./crates/tsa-python[studies]"` installs what they need besides (dask, pandas); docs/how-to/python.md shows
-them.
+`pip install "./crates/tsa-python[studies]"` installs what else they need (dask, pandas, pyarrow);
+docs/how-to/python.md shows them.
 
 The result of each task is a file in a folder that the caller names. A study that was stopped and is started again with
 the same folder computes only what is missing. Files are found by a hash of the task's inputs, the contents of all files
@@ -58,10 +59,25 @@ def _kept(file: Path) -> Any:
         raise ValueError(f"{file} is no result of a study: remove it") from None
 
 
-def _run(study: str, work: Callable[[Task], Any], tasks: Sequence[Task], client: Client, folder: FilePath) -> list[Any]:
+RETRIES = 2
+"""How often a task is tried again whose worker failed."""
+
+
+def _run(
+    study: str,
+    work: Callable[[Task], Any],
+    tasks: Sequence[Task],
+    client: Client,
+    folder: FilePath,
+    *,
+    failed: Callable[[Task, Exception], Any] | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> list[Any]:
     """The results of all tasks, in their order; those that are in the folder are not computed again.
 
-    The files are written by the caller's process, so that workers need not share the folder.
+    The files are written by the caller's process, so that workers need not share the folder. A task that fails in spite
+    of `RETRIES` raises, or has the result that `failed` makes of it, which is not kept. `progress` is called with the
+    number of tasks that are done and of all.
     """
     place = Path(folder)
     if place.exists() and not place.is_dir():
@@ -69,16 +85,30 @@ def _run(study: str, work: Callable[[Task], Any], tasks: Sequence[Task], client:
     place.mkdir(parents=True, exist_ok=True)
     files = [_file(place, study, task) for task in tasks]
     missing = {file: task for file, task in zip(files, tasks) if not file.exists()}
-    futures = {client.submit(work, task, key=file.stem): (file, task) for file, task in missing.items()}
+    futures = {
+        client.submit(work, task, key=file.stem, retries=RETRIES): (file, task) for file, task in missing.items()
+    }
+    instead: dict[Path, Any] = {}
+    done = len(set(files)) - len(missing)
     try:
         for future in as_completed(futures):
             file, task = futures[future]
-            partial = file.with_suffix(f".{os.getpid()}.part")
-            partial.write_text(json.dumps({"inputs": task, "result": future.result()}))
-            partial.replace(file)
+            try:
+                result = future.result()
+            except Exception as error:
+                if failed is None:
+                    raise
+                instead[file] = failed(task, error)
+            else:
+                partial = file.with_suffix(f".{os.getpid()}.part")
+                partial.write_text(json.dumps({"inputs": task, "result": result}))
+                partial.replace(file)
+            done += 1
+            if progress is not None:
+                progress(done, len(set(files)))
     finally:
         client.cancel(list(futures))
-    return [_kept(file) for file in files]
+    return [instead[file] if file in instead else _kept(file) for file in files]
 
 
 def _numbers(name: str, values: ArrayLike) -> list[float]:
@@ -385,3 +415,97 @@ def _seed(task: Task) -> list[dict[str, Any]]:
         except RuntimeError as error:
             rows.append({**about, "refused": str(error)})
     return rows
+
+
+CHUNK = 20
+"""Trials of one task of `trials`."""
+
+
+def trials(
+    seeds: Iterable[int],
+    *,
+    client: Client,
+    folder: FilePath,
+    kinds: Sequence[str] = ("nominal", "hard"),
+    progress: Callable[[int, int], None] | None = None,
+) -> pd.DataFrame:
+    """What does the board state on thousands of emulated rigs as built, and what is true? One row for each moment.
+
+    Each trial is a rig of a kind on the fast bench (the firmware's control code and the plant in one process). Its
+    loads, its place, its temperature and whether it has worked before are drawn from the seed. It is homed, moved,
+    given another load and moved again. The table is also written to the folder as `trials-HASH.parquet`, which the
+    inputs and the code of the package name. Columns:
+
+    - `kind`, `seed`, `worked_n` (load of the work before, N), `moment` (homed, arrived, changed, moved)
+    - `true_load_n`, `load_n`, `load_error_n`, `doubts`: the weight, and what the board states of it (N)
+    - `true_position_m`, `position_m`, `position_error_m`: the same of the position since homing (m)
+    - `ended`: why the trial ended early. A trial without any moment, or whose worker failed, has one row of it
+
+    Raises ValueError for an empty list and an unknown kind.
+    """
+    drawn = [int(seed) for seed in seeds]
+    if not drawn or not kinds:
+        raise ValueError(f"{'kinds' if drawn else 'seeds'}: the list is empty")
+    for kind in kinds:
+        if kind not in ("ideal", "nominal", "hard"):
+            raise ValueError(f"kinds: there is no kind of rig {kind!r}; there are ideal, nominal and hard")
+    code = _contents([str(_core.__file__)])
+    tasks: list[Task] = [
+        {"kind": kind, "seeds": drawn[start : start + CHUNK], "contents": code}
+        for kind in kinds
+        for start in range(0, len(drawn), CHUNK)
+    ]
+    rows = _run("trials", _trials, tasks, client, folder, failed=_untried, progress=progress)
+    found = pd.DataFrame(list(itertools.chain.from_iterable(rows)), columns=TRIAL_COLUMNS)
+    name = _file(Path(folder), "trials", {"tasks": tasks}).with_suffix(".parquet")
+    found.to_parquet(name)
+    return found
+
+
+TRIAL_COLUMNS = [
+    *("kind", "seed", "worked_n", "moment", "true_load_n", "load_n", "load_error_n", "doubts"),
+    *("true_position_m", "position_m", "position_error_m", "ended"),
+]
+
+
+def _trials(task: Task) -> list[dict[str, Any]]:
+    rows: list[dict[str, Any]] = []
+    for seed in task["seeds"]:
+        tried = json.loads(_core.trial(task["kind"], seed))
+        about = {name: tried[name] for name in ("kind", "seed", "worked_n", "ended")}
+        rows.extend({**about, **stated} for stated in tried["stated"] or [{}])
+    return rows
+
+
+def _untried(task: Task, error: Exception) -> list[dict[str, Any]]:
+    return [{"kind": task["kind"], "seed": seed, "ended": f"worker: {error}"} for seed in task["seeds"]]
+
+
+Z90 = 1.6448536
+"""Standard deviations that hold 90 % of a normal distribution."""
+
+
+def coverage(rows: pd.DataFrame, by: Sequence[str] = ("kind", "moment")) -> pd.DataFrame:
+    """How often do the stated 90 % errors hold the truth? One row for each group of `trials`.
+
+    `by` names columns of the trials, or `load`: light below 0.3 kg, heavy from 0.9 kg, middle in between. Columns for
+    `load` and `position`: `n`, `held` (the fraction), `low` and `high` (its 90 % interval, by Wilson), `stated` (median
+    of the stated error) and `error` (90th percentile of the size of the true one), in N and m.
+    """
+    kg = rows["true_load_n"] / 9.80665
+    rows = rows.assign(load=np.select([kg < 0.3, kg >= 0.9], ["light", "heavy"], "middle"))
+    found = []
+    for group, members in rows[rows["true_load_n"].notna()].groupby(list(by), sort=True):
+        row: dict[str, Any] = dict(zip(by, group))
+        for what, unit in (("load", "n"), ("position", "m")):
+            part = members.dropna(subset=[f"{what}_{unit}", f"{what}_error_{unit}"])
+            error = (part[f"{what}_{unit}"] - part[f"true_{what}_{unit}"]).abs()
+            stated = part[f"{what}_error_{unit}"]
+            n, held = len(part), float((error <= stated).mean())
+            middle, half = held + Z90**2 / (2 * n), Z90 * np.sqrt(held * (1 - held) / n + Z90**2 / (4 * n**2))
+            row |= {f"{what}_n": n, f"{what}_held": held}
+            low, high = ((middle + side) / (1 + Z90**2 / n) for side in (-half, half))
+            row |= {f"{what}_low": low, f"{what}_high": high}
+            row |= {f"{what}_stated": stated.median(), f"{what}_error": error.quantile(0.9)}
+        found.append(row)
+    return pd.DataFrame(found)

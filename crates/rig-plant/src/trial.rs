@@ -1,0 +1,261 @@
+//! One rig as somebody gets it, tried once: homed, moved, given another load, moved again; and at each of these moments what
+//! the board states, next to what is true. Thousands of trials show how often the stated errors hold.
+//!
+//! Everything is drawn from kind and seed: the rig ([`RigPreset`]), its loads, where its strings stand at power-up, the place of
+//! the move, and whether it has worked under another load before.
+
+use crate::bench::{ControlBench, constants, scene, table};
+use crate::preset::uniform;
+use crate::rig::EmulatedRig;
+use crate::units::STANDARD_GRAVITY;
+use crate::{PlantKey, PlantSettings, RigPreset};
+use rig_control::Controller;
+use rig_link::messages::{LoadChoice, Request, State};
+use serde::Serialize;
+
+/// Loads (kg), evenly in their logarithm; most of the default scene's range.
+pub const LOADS_KG: [f64; 2] = [0.1, 1.7];
+/// Twist at power-up (rad), either way.
+const TWIST_RAD: f64 = 12.0;
+/// Targets of the first move (m), which every load reaches.
+const PLACES_M: [f64; 2] = [0.001, 0.013];
+/// Targets of the moves under the other load, and of the moves of a rig that has worked before (m).
+const MOVES_M: [f32; 2] = [0.004, 0.010];
+/// Speed of every move (m/s).
+const SPEED_M_PER_S: f32 = 0.003;
+/// How long a load hangs before it is looked at (s): where a move ends, and where somebody has hung another one.
+const REST_S: f64 = 2.0;
+const CHANGED_S: f64 = 5.0;
+/// How often `clear` is tried after a fault, every 0.2 s.
+const CLEARS: u8 = 20;
+
+/// A moment at which board and truth are compared.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Moment {
+    /// Homed.
+    Homed,
+    /// At rest at the end of a move under the homed load.
+    Arrived,
+    /// Some seconds after another load was hung on.
+    Changed,
+    /// After two moves under that load.
+    Moved,
+}
+
+/// What the board states at a moment, and what is true. SI units; nothing where the board states nothing.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Stated {
+    /// When.
+    pub moment: Moment,
+    /// Weight on the rail (N).
+    pub true_load_n: f64,
+    /// Load (N) and its 90 % error (N).
+    pub load_n: Option<f32>,
+    /// See `load_n`.
+    pub load_error_n: Option<f32>,
+    /// What the board says against relying on the load, separated by blanks.
+    pub doubts: String,
+    /// How far the load is above where it hung when homing ended (m).
+    pub true_position_m: f64,
+    /// Position (m) and its 90 % error (m).
+    pub position_m: Option<f32>,
+    /// See `position_m`.
+    pub position_error_m: Option<f32>,
+}
+
+impl Stated {
+    /// Whether the stated error holds the true load; `None` without a load.
+    pub fn holds_load(&self) -> Option<bool> {
+        let (load_n, error_n) = self.load_n.zip(self.load_error_n)?;
+        Some((f64::from(load_n) - self.true_load_n).abs() <= f64::from(error_n))
+    }
+
+    /// Whether the stated error holds the true position; `None` without a position.
+    pub fn holds_position(&self) -> Option<bool> {
+        let (position_m, error_m) = self.position_m.zip(self.position_error_m)?;
+        Some((f64::from(position_m) - self.true_position_m).abs() <= f64::from(error_m))
+    }
+}
+
+/// A rig and what is done with it.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Trial {
+    /// Kind of rig.
+    #[serde(serialize_with = "as_name")]
+    pub kind: RigPreset,
+    /// Of everything that is drawn.
+    pub seed: u64,
+    /// Load (N), and the one that is hung on later (N).
+    pub loads_n: [f64; 2],
+    /// Load of the work before (N), if there was any.
+    pub worked_n: Option<f64>,
+    /// Twist at power-up (rad).
+    pub twist_rad: f64,
+    /// Target of the first move (m).
+    pub place_m: f64,
+}
+
+fn as_name<S: serde::Serializer>(kind: &RigPreset, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.serialize_str(kind.name())
+}
+
+impl Trial {
+    /// The trial of a kind that a seed names.
+    pub fn new(kind: RigPreset, seed: u64) -> Self {
+        let drawn = |name: &str| uniform(seed, name);
+        let [min_kg, max_kg] = LOADS_KG;
+        let load_n = |name: &str| STANDARD_GRAVITY * min_kg * (max_kg / min_kg).powf(drawn(name));
+        Self {
+            kind,
+            seed,
+            loads_n: [load_n("trial load"), load_n("trial other load")],
+            worked_n: (drawn("trial worked") < 0.5).then(|| load_n("trial load before")),
+            twist_rad: TWIST_RAD * (2.0 * drawn("trial twist") - 1.0),
+            place_m: PLACES_M[0] + (PLACES_M[1] - PLACES_M[0]) * drawn("trial place"),
+        }
+    }
+
+    /// As [`Trial::run`], with the default scene's table and nothing calibrated.
+    pub fn as_built(&self) -> (Vec<Stated>, String) {
+        self.run(Controller::new(table(), constants(), None))
+    }
+
+    /// Tries the rig with control code that has just booted. Moments that it does not get to are missing; why is the second part,
+    /// empty if nothing was in the way.
+    pub fn run(&self, control: Controller) -> (Vec<Stated>, String) {
+        let mut stated = Vec::new();
+        let why = self.stated(control, &mut stated).err().unwrap_or_default();
+        (stated, why)
+    }
+
+    fn stated(&self, control: Controller, stated: &mut Vec<Stated>) -> Result<(), String> {
+        let mut settings = PlantSettings::preset(self.kind, self.seed);
+        (settings.load_n, settings.twist_at_boot_rad) = (self.worked_n.unwrap_or(self.loads_n[0]), self.twist_rad);
+        let rig = EmulatedRig::new(scene(), settings, self.seed).map_err(|e| e.to_string())?;
+        let mut bench = ControlBench::on(rig, control);
+        if self.worked_n.is_some() {
+            home(&mut bench)?;
+            for target_m in MOVES_M {
+                go(&mut bench, target_m)?;
+            }
+            hang(&mut bench, self.loads_n[0])?;
+        }
+        home(&mut bench)?;
+        look(&bench, Moment::Homed, stated);
+        go(&mut bench, self.place_m as f32)?;
+        bench.run(REST_S);
+        look(&bench, Moment::Arrived, stated);
+        hang(&mut bench, self.loads_n[1])?;
+        look(&bench, Moment::Changed, stated);
+        for target_m in MOVES_M {
+            go(&mut bench, target_m)?;
+        }
+        bench.run(REST_S);
+        look(&bench, Moment::Moved, stated);
+        Ok(())
+    }
+}
+
+fn home(bench: &mut ControlBench) -> Result<(), String> {
+    bench.home().map_err(|why| format!("homing: {why}"))?;
+    // The tick that ends homing shows no load yet.
+    bench.run(0.05);
+    Ok(())
+}
+
+fn go(bench: &mut ControlBench, target_m: f32) -> Result<(), String> {
+    let moved = bench.move_to(target_m, SPEED_M_PER_S, LoadChoice::Auto);
+    moved.map(drop).map_err(|why| format!("move to {:.1} mm: {why}", 1e3 * target_m))
+}
+
+/// Hangs another load on (N). What springs up or drops may be a fault, which is cleared.
+fn hang(bench: &mut ControlBench, load_n: f64) -> Result<(), String> {
+    bench.rig.set_plant(PlantKey::Load.name(), &load_n.to_string()).map_err(|e| e.to_string())?;
+    bench.run(CHANGED_S);
+    for _ in 0..CLEARS {
+        if bench.control.state() != State::Fault {
+            return Ok(());
+        }
+        bench.tick(Some(Request::Clear));
+        bench.run(0.2);
+    }
+    Err(format!("another load: {} is not cleared", bench.control.faults()))
+}
+
+fn look(bench: &ControlBench, moment: Moment, stated: &mut Vec<Stated>) {
+    let Some(telemetry) = bench.last.as_ref().map(|last| last.telemetry) else { return };
+    stated.push(Stated {
+        moment,
+        true_load_n: bench.truth().load_n,
+        load_n: telemetry.load_n,
+        load_error_n: telemetry.load_error_n,
+        doubts: telemetry.doubts.iter().map(|doubt| doubt.name()).collect::<Vec<_>>().join(" "),
+        true_position_m: bench.true_position_m(),
+        position_m: telemetry.position_m,
+        position_error_m: telemetry.position_error_m,
+    });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_seed_names_one_trial_and_the_draws_keep_to_their_ranges() {
+        let trials: Vec<Trial> = (0..200).map(|seed| Trial::new(RigPreset::Hard, seed)).collect();
+        assert_eq!(trials[7], Trial::new(RigPreset::Hard, 7));
+        let [min_n, max_n] = LOADS_KG.map(|kg| kg * STANDARD_GRAVITY);
+        for trial in &trials {
+            assert!(trial.loads_n.iter().chain(&trial.worked_n).all(|n| (min_n..=max_n).contains(n)), "{trial:?}");
+            assert!(trial.twist_rad.abs() <= TWIST_RAD && (PLACES_M[0]..=PLACES_M[1]).contains(&trial.place_m));
+        }
+        let worked = trials.iter().filter(|trial| trial.worked_n.is_some()).count();
+        assert!((70..130).contains(&worked), "{worked} of 200 have worked before");
+        let light = trials.iter().filter(|trial| trial.loads_n[0] < (min_n * max_n).sqrt()).count();
+        assert!((70..130).contains(&light), "{light} of 200 are in the lighter half");
+    }
+
+    /// On a rig of its own model every moment is reached and what is stated is near the truth.
+    #[test]
+    fn a_rig_of_its_own_model_is_known_at_every_moment() {
+        let trial = Trial { loads_n: [5.0, 8.0], worked_n: None, place_m: 0.008, ..Trial::new(RigPreset::Ideal, 1) };
+        let (stated, why) = trial.as_built();
+        let moments: Vec<Moment> = stated.iter().map(|s| s.moment).collect();
+        assert_eq!(moments, [Moment::Homed, Moment::Arrived, Moment::Changed, Moment::Moved], "{why}");
+        for s in &stated {
+            assert_eq!(s.true_load_n, if matches!(s.moment, Moment::Homed | Moment::Arrived) { 5.0 } else { 8.0 });
+            let error = f64::from(s.load_n.expect("a load")) / s.true_load_n - 1.0;
+            assert!(error.abs() < 0.05 && s.holds_load() == Some(true), "{s:?}");
+            assert_eq!(s.holds_position(), Some(true), "{s:?}");
+        }
+        assert!(
+            (stated[1].true_position_m - 0.008).abs() < 0.1e-3 && (stated[3].true_position_m - 0.010).abs() < 0.1e-3
+        );
+    }
+
+    #[test]
+    fn a_trial_that_cannot_be_finished_says_why_and_keeps_what_it_had() {
+        let trial = Trial { loads_n: [5.0, 150.0], worked_n: None, ..Trial::new(RigPreset::Ideal, 1) };
+        let (stated, why) = trial.as_built();
+        assert!(stated.len() < 4 && !why.is_empty(), "{stated:?} {why}");
+        let (stated, why) = Trial { twist_rad: 1e3, worked_n: None, ..trial }.as_built();
+        assert!(stated.is_empty() && why.contains("twist"), "{why}");
+    }
+
+    #[test]
+    fn an_error_holds_the_truth_up_to_its_edge() {
+        let stated = Stated {
+            moment: Moment::Homed,
+            true_load_n: 2.0,
+            load_n: Some(2.5),
+            load_error_n: Some(0.5),
+            doubts: String::new(),
+            true_position_m: 0.0,
+            position_m: None,
+            position_error_m: None,
+        };
+        assert_eq!((stated.holds_load(), stated.holds_position()), (Some(true), None));
+        assert_eq!(Stated { load_error_n: Some(0.49), ..stated }.holds_load(), Some(false));
+    }
+}
