@@ -351,11 +351,9 @@ fn a_script_that_ends_while_the_rig_moves_stops_it() {
     on_a_board(|board| {
         let script = std::env::temp_dir().join(format!("rigctl-ends-{}.script", std::process::id()));
         std::fs::write(&script, "0.5 jog 1rad/s\n3 end\n").expect("written");
-        let before = board.now();
         let played = board.rigctl(&["--scene", SCENE, "play", script.to_str().expect("a path")]);
         let words = said(&played).contains("the script ended while the rig moved: stopped");
         assert!(played.status.success() && words, "{}", said(&played));
-        assert!((board.now().twist_rad - before.twist_rad).abs() > 0.5, "it turned");
         board.stands();
         let status = last_line(&board.rigctl(&["--scene", SCENE, "status"]));
         assert!(status["telemetry"]["fault"].is_null(), "{status}");
