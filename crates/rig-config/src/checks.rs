@@ -38,7 +38,7 @@ enum Look {
     /// Whenever a scene is read.
     Always(fn(&Scene) -> Verdict),
     /// Where a rig is meant.
-    RigConfig(fn(&Scene) -> Verdict),
+    Rig(fn(&Scene) -> Verdict),
     /// Where a rig is meant and the scene has an envelope.
     Envelope(fn(&Scene, &States) -> Verdict),
 }
@@ -72,7 +72,7 @@ const CHECKS: &[Check] = &[
     check(&["geometry.rod_radius_m", "geometry.rod_span_m"], Look::Always(mechanism::rod_is_a_rod)),
     check(
         &["geometry.rod_radius_m", "geometry.rod_span_m", "geometry.clamp_width_m"],
-        Look::RigConfig(mechanism::rod_is_slender),
+        Look::Rig(mechanism::rod_is_slender),
     ),
     check(&["string.diameter_m", "geometry.rod_span_m"], Look::Always(mechanism::strings_are_apart)),
     check(&["rig.supply_voltage_v"], Look::Always(volts::drive_takes_the_supply)),
@@ -86,10 +86,10 @@ const CHECKS: &[Check] = &[
         &["rig.lvdt_volts_at_stroke", "rig.adc_reference_v"],
         Look::Always(|s| volts::lvdt_pin(s, s.rig.lvdt_volts_at_stroke)),
     ),
-    check(&["rig.lvdt_stroke_m", "rig.adc_reference_v"], Look::RigConfig(lvdt::resolves_homing)),
+    check(&["rig.lvdt_stroke_m", "rig.adc_reference_v"], Look::Rig(lvdt::resolves_homing)),
     check(
         &["rig.motor_torque_constant_nm_per_a", "rig.motor_speed_max_rad_per_s", "rig.supply_voltage_v"],
-        Look::RigConfig(motor::supply_reaches_the_speed),
+        Look::Rig(motor::supply_reaches_the_speed),
     ),
     check(
         &[
@@ -98,10 +98,10 @@ const CHECKS: &[Check] = &[
             "rig.motor_torque_constant_nm_per_a",
             "rig.drive_current_limit_a",
         ],
-        Look::RigConfig(motor::current_reaches_the_acceleration),
+        Look::Rig(motor::current_reaches_the_acceleration),
     ),
-    check(&["rig.encoder_lines", "rig.motor_speed_max_rad_per_s"], Look::RigConfig(motor::drive_measures_speed)),
-    check(&["rig.encoder_lines", "rig.motor_speed_max_rad_per_s"], Look::RigConfig(motor::board_follows_the_count)),
+    check(&["rig.encoder_lines", "rig.motor_speed_max_rad_per_s"], Look::Rig(motor::drive_measures_speed)),
+    check(&["rig.encoder_lines", "rig.motor_speed_max_rad_per_s"], Look::Rig(motor::board_follows_the_count)),
     check(&["string.stiffness_n_per_m", "envelope.load_n"], Look::Envelope(mechanism::string_bears_the_load)),
     check(LVDT, Look::Envelope(lvdt::sees_the_gaps)),
     check(TORQUE, Look::Envelope(motor::motor_lifts_the_load)),
@@ -125,7 +125,7 @@ impl Scene {
     pub(super) fn check_always(&self) -> Result<(), SceneError> {
         let found = CHECKS.iter().filter_map(|check| match check.look {
             Look::Always(look) => Some((check, look(self))),
-            Look::RigConfig(_) | Look::Envelope(_) => None,
+            Look::Rig(_) | Look::Envelope(_) => None,
         });
         sort(found).map(drop)
     }
@@ -142,7 +142,7 @@ impl Scene {
         self.validate()?;
         let states = States::of(self)?;
         let found = CHECKS.iter().filter_map(|check| match (&check.look, &states) {
-            (Look::Always(look) | Look::RigConfig(look), _) => Some((check, look(self))),
+            (Look::Always(look) | Look::Rig(look), _) => Some((check, look(self))),
             (Look::Envelope(look), Some(states)) => Some((check, look(self, states))),
             (Look::Envelope(_), None) => None,
         });

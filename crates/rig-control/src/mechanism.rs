@@ -18,8 +18,8 @@ pub const OUTSIDE_RAD: f32 = 0.2;
 /// How far beyond the table's twists a tangent continues it (rad): what the scale can shift the pre-twist by.
 const TANGENT_RAD: f32 = 0.5;
 
-/// Minimum slope of the gap over the twist, as a fraction of the table's: strings that are twisted always shorten, and a curve
-/// that says otherwise must not turn the direction of the control around.
+/// Minimum slope of the gap over the twist, as a fraction of the table's. Strings that are twisted always shorten; a residual curve
+/// that says otherwise must not reverse the sign of TR, and with it the direction of the control.
 const MIN_SLOPE: f32 = 0.25;
 
 /// The table with the rig's own scale and curve.

@@ -99,10 +99,10 @@ impl Backup {
             )));
         }
         if self.protocol_hash.is_some_and(|theirs| theirs != PROTOCOL_HASH) {
-            crate::say!("{name} is of another firmware; settings keep their names, so this is no harm");
+            crate::output::say!("{name} is of another firmware; settings keep their names, so this is no harm");
         }
         if !lacks.is_empty() {
-            crate::say!("not in {name}, so left as on the board: {}", lacks.join(", "));
+            crate::output::say!("not in {name}, so left as on the board: {}", lacks.join(", "));
         }
         Ok(result)
     }

@@ -130,7 +130,7 @@ pub fn started<C: Parser>(
             let _ = failure.object().map_or(Ok(()), |object| output.object(&object));
             let _ = output.flush();
             if let Some(message) = failure.message() {
-                crate::say!("error: {message}");
+                crate::output::say!("error: {message}");
             }
             match failure {
                 Failure::Usage(_) => ExitCode::from(2),

@@ -46,7 +46,7 @@ fn unwritable(path: &Path, error: &io::Error) -> Failure {
 
 fn report_kept(path: &Path, kept: Option<PathBuf>) {
     if let Some(kept) = kept {
-        crate::say!("what {} held is now {}", path.display(), kept.display());
+        crate::output::say!("what {} held is now {}", path.display(), kept.display());
     }
 }
 

@@ -7,12 +7,12 @@ use std::sync::mpsc::{self, Receiver, Sender, SyncSender};
 
 /// Writes a line to standard error. What cannot be written, as on a full disk, is left out: `eprintln!` would panic, and the stop
 /// that a command was about to send would never be sent.
-#[macro_export]
 macro_rules! say {
     ($($text:tt)*) => {{
         let _ = std::io::Write::write_fmt(&mut std::io::stderr(), format_args!("{}\n", format_args!($($text)*)));
     }};
 }
+pub(crate) use say;
 
 /// The reader of standard output has gone, as in `rigctl … | head`.
 #[derive(Debug, thiserror::Error)]

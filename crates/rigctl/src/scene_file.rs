@@ -45,7 +45,7 @@ pub fn load_rig(path: &Path) -> Result<Scene, Failure> {
 /// Naming the file and every key that does not fit.
 pub fn check_rig(path: &Path, scene: &Scene) -> Result<(), Failure> {
     for unusual in scene.check_rig().map_err(|error| error.in_file(path))? {
-        crate::say!("warning: scene file {}: {unusual}", path.display());
+        crate::output::say!("warning: scene file {}: {unusual}", path.display());
     }
     Ok(())
 }

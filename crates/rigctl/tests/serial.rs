@@ -12,7 +12,7 @@ use serde_json::Value;
 use serialport::{SerialPort, TTYPort};
 use std::io::{BufRead, BufReader, Read, Write};
 use std::os::unix::net::UnixStream;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -197,6 +197,13 @@ impl Drop for Board {
     }
 }
 
+/// A script for the tool, which its test removes.
+fn script(name: &str, text: &str) -> PathBuf {
+    let path = std::env::temp_dir().join(format!("rigctl-{name}-{}.script", std::process::id()));
+    std::fs::write(&path, text).expect("written");
+    path
+}
+
 fn interrupts(tool: u32) {
     kill(Pid::from_raw(i32::try_from(tool).expect("a process")), Signal::SIGINT).expect("it runs");
 }
@@ -236,9 +243,8 @@ fn a_board_on_a_serial_line_is_greeted_homed_and_moved() {
 #[test]
 fn an_interrupted_tool_stops_the_board_and_ends_its_log() {
     on_a_board(|board| {
-        let log = std::env::temp_dir().join(format!("rigctl-interrupted-{}.csv", std::process::id()));
-        let script = log.with_extension("script");
-        std::fs::write(&script, "0.5 jog 1rad/s\n60 end\n").expect("written");
+        let script = script("interrupted", "0.5 jog 1rad/s\n60 end\n");
+        let log = script.with_extension("csv");
         let [log_text, script_text] = [&log, &script].map(|path| path.to_str().expect("a path"));
         let tool = board.turning(&["record", "--out", log_text, "--script", script_text]);
         interrupts(tool.id());
@@ -312,9 +318,8 @@ fn a_board_that_vanishes_in_mid_motion_is_told() {
 #[test]
 fn a_board_that_falls_silent_on_an_open_line_ends_every_command_with_an_error() {
     on_a_board(|board| {
-        let log = std::env::temp_dir().join(format!("rigctl-silent-{}.csv", std::process::id()));
-        let script = log.with_extension("script");
-        std::fs::write(&script, "0.5 jog 1rad/s\n600 end\n").expect("written");
+        let script = script("silent", "0.5 jog 1rad/s\n600 end\n");
+        let log = script.with_extension("csv");
         let [log_text, script_text] = [&log, &script].map(|path| path.to_str().expect("a path"));
         let record = ["record", "--out", log_text, "--script", script_text];
         for (arguments, to_board) in [
@@ -349,8 +354,7 @@ fn a_board_that_falls_silent_on_an_open_line_ends_every_command_with_an_error() 
 #[test]
 fn a_script_that_ends_while_the_rig_moves_stops_it() {
     on_a_board(|board| {
-        let script = std::env::temp_dir().join(format!("rigctl-ends-{}.script", std::process::id()));
-        std::fs::write(&script, "0.5 jog 1rad/s\n3 end\n").expect("written");
+        let script = script("ends", "0.5 jog 1rad/s\n3 end\n");
         let played = board.rigctl(&["--scene", SCENE, "play", script.to_str().expect("a path")]);
         let words = said(&played).contains("the script ended while the rig moved: stopped");
         assert!(played.status.success() && words, "{}", said(&played));
@@ -396,8 +400,7 @@ fn an_interrupt_says_whether_the_stop_has_arrived() {
 fn a_reader_that_stops_to_read_does_not_keep_the_tool_from_its_heartbeats() {
     on_a_board(|board| {
         let before = board.now();
-        let script = std::env::temp_dir().join(format!("rigctl-slow-{}.script", std::process::id()));
-        std::fs::write(&script, "600 end\n").expect("written");
+        let script = script("slow", "600 end\n");
         let mut tool = rigctl();
         tool.args(["--json", "--port", &board.device, "--scene", SCENE, "play"]).arg(&script);
         board.met.store(true, Ordering::Relaxed);

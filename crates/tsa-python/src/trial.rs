@@ -21,6 +21,6 @@ struct Tried {
 #[pyfunction]
 pub(crate) fn trial(py: Python<'_>, kind: &str, seed: u64) -> PyResult<String> {
     let trial = Trial::new(kind.parse::<RigPreset>().map_err(wrong)?, seed);
-    let (stated, ended) = py.detach(|| trial.as_built());
+    let (stated, ended) = py.detach(|| trial.run());
     serde_json::to_string(&Tried { trial, stated, ended }).map_err(|e| PyRuntimeError::new_err(e.to_string()))
 }

@@ -201,6 +201,11 @@ def test_a_task_that_fails_is_tried_again_and_then_a_row(client: Client, tmp_pat
 
     assert run("twice", studies.RETRIES) == [7]
     assert run("always", 99, failed=lambda _, error: str(error)) == ["no luck"]
+    rows = studies._untried({"kind": "hard", "seeds": [3, 4]}, RuntimeError("no luck"))
+    assert [(row["kind"], row["seed"], row["ended"]) for row in rows] == [
+        ("hard", 3, "worker: no luck"),
+        ("hard", 4, "worker: no luck"),
+    ]
     with pytest.raises(RuntimeError, match="no luck"):
         run("never", 99)
 

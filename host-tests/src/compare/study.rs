@@ -28,7 +28,7 @@ pub struct Arguments {
     out: PathBuf,
 }
 
-/// the first N of the list that every run uses, and what they are called. Nothing was tuned on rigs of these seeds
+/// The first N of the list that every run uses, and what they are called. Nothing was tuned on rigs of these seeds
 /// ([`crate::rigs`]).
 pub fn plants(rig: Option<RigPreset>, count: u16) -> (Vec<Subject>, String) {
     let seeds = 1..=u64::from(count);

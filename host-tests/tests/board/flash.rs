@@ -174,7 +174,7 @@ fn half_erased(image: &[u8], places: &[usize], rounds: u32) -> Vec<u8> {
     image
 }
 
-/// Cuts the power before and after changes of flash while `new` is written, at most the given number of, spread evenly, and looks at
+/// Cuts the power before and after changes of flash while `new` is written, at most N of them, spread evenly, and looks at
 /// what is there afterwards.
 fn cut_power(image: &[u8], old: &SettingValues, new: &SettingValues, max: usize) {
     let images = changes(image, &Request::SetSettings(*new));

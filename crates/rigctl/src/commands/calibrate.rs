@@ -177,7 +177,7 @@ fn zero(global: &Global, output: &mut Output) -> Result<(), Failure> {
     let mut session = global.target()?.connect(Wanted::OfScene)?;
     session.wait_ready()?;
     if global.is_emulated() {
-        crate::say!("the emulated board starts afresh and is not homed: homing first");
+        crate::output::say!("the emulated board starts afresh and is not homed: homing first");
         output.line(homing::home(&mut session, LoadChoice::Auto, |_| {})?.text())?;
     }
     let before_m = position(&mut session)?;

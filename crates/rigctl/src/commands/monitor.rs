@@ -109,7 +109,9 @@ pub fn run(global: &Global, Monitor { script }: &Monitor, output: &Output) -> Re
     });
     drop(terminal);
     if let Some(false) = view.leaving.map(|_| still(&session)) {
-        crate::say!("left while the rig still moved: without this tool's heartbeat the board holds within 0.5 s");
+        crate::output::say!(
+            "left while the rig still moved: without this tool's heartbeat the board holds within 0.5 s"
+        );
     }
     result?;
     if session.silent_s().is_some() {

@@ -99,7 +99,7 @@ impl Move {
 fn connect_homed(global: &Global, load: LoadChoice, output: &mut Output) -> Result<Session, Failure> {
     let mut session = global.target()?.connect(Wanted::OfScene)?;
     if global.is_emulated() {
-        crate::say!("the emulated board starts afresh and is not homed: homing first");
+        crate::output::say!("the emulated board starts afresh and is not homed: homing first");
         output.line(homing::home(&mut session, load, |_| {})?.text())?;
     }
     Ok(session)

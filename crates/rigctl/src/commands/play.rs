@@ -60,7 +60,7 @@ impl Play {
         let started = Instant::now();
         let mut printer = Printer { next_line_s: 0.0, settings: None };
         let refused = play(&mut session, &script, global.board.seed, |session, messages| {
-            messages.iter().for_each(|line| crate::say!("{line}"));
+            messages.iter().for_each(|line| crate::output::say!("{line}"));
             printer.print(session, output)?;
             Ok(ControlFlow::Continue(()))
         })?;

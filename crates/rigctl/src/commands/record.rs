@@ -64,7 +64,7 @@ pub fn run(global: &Global, options: &Record, output: &mut Output) -> Result<(),
     let script = script.unwrap_or_else(|| Script::idle(session.now_s() + seconds));
     let rows_out = output.json() && options.out.is_none();
     let result = play(&mut session, &script, global.board.seed, |session, messages| {
-        messages.iter().for_each(|line| crate::say!("{line}"));
+        messages.iter().for_each(|line| crate::output::say!("{line}"));
         for entry in recorder.take()? {
             if let (Entry::Row(row), true) = (entry, rows_out) {
                 output.object(&row)?;

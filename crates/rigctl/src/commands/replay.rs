@@ -52,7 +52,9 @@ pub fn run(global: &Global, options: &Replay, output: &mut Output) -> Result<(),
     let crc = format!("{:08x}", table.checksum());
     let same_table = log.header.get("table.crc") == Some(&crc);
     if !same_table {
-        crate::say!("note: the board's table was another one for the same scene; small differences are the tables'");
+        crate::output::say!(
+            "note: the board's table was another one for the same scene; small differences are the tables'"
+        );
     }
     let stretches = replay(&log, &scene, &table).map_err(wrong)?;
     output.object(&json!({"file": name.to_string(), "same_table": same_table, "stretches": stretches}))?;

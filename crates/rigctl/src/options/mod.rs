@@ -99,7 +99,7 @@ impl Global {
         let port = self.port();
         let device = if port == "auto" { session::auto()? } else { port };
         if self.port.is_none() {
-            crate::say!("board at {device}, by {PORT_VARIABLE}");
+            crate::output::say!("board at {device}, by {PORT_VARIABLE}");
         }
         Ok(Target { scene: self.scene.clone(), place: Place::Device(device) })
     }
@@ -142,6 +142,6 @@ impl Global {
 /// Prints which of the given options have no effect, and why.
 pub fn no_effect(given: impl Iterator<Item = (bool, &'static str)>, why: &str) {
     for (_, name) in given.filter(|(given, _)| *given) {
-        crate::say!("{name} has no effect: {why}");
+        crate::output::say!("{name} has no effect: {why}");
     }
 }

@@ -3,7 +3,6 @@
 
 use super::Refused;
 use crate::output::decimal;
-use crate::session::client::REPLY_S;
 use crate::session::motion::end_of;
 use rig_link::{Accepted, EventKind, Refusal, Request, State};
 use serde_json::{Value, json};
@@ -97,14 +96,14 @@ impl Flights {
         });
     }
 
-    /// Time has passed: a lost reply or event does not leave an order open indefinitely.
-    pub fn pass(&mut self, state: State, now_s: f64) {
+    /// Time has passed: a lost reply or event does not leave an order open indefinitely. `reply_s` is the longest wait for a reply.
+    pub fn pass(&mut self, state: State, now_s: f64, reply_s: f64) {
         if matches!(state, State::Moving | State::Homing) {
             self.flights.iter_mut().filter(|flight| flight.moves).for_each(|flight| flight.since_s = now_s);
         }
         self.end(|flight| match flight.moves {
-            false if now_s > flight.since_s + REPLY_S => {
-                Some(Err(Refused::new("no-reply", format!("no reply from the board within {REPLY_S} s"))))
+            false if now_s > flight.since_s + reply_s => {
+                Some(Err(Refused::new("no-reply", format!("no reply from the board within {reply_s} s"))))
             }
             true if now_s > flight.since_s + REST_S => {
                 Some(Err(Refused::new("stopped", format!("the board has ended it: it is {state}"))))
@@ -133,6 +132,8 @@ impl Flights {
 mod tests {
     use super::*;
     use rig_link::Fault;
+
+    const REPLY_S: f64 = 3.0;
 
     const MOVE: Request = Request::Move { target_m: 0.01, speed_m_per_s: 0.002, load: rig_link::LoadChoice::Auto };
 
@@ -199,13 +200,13 @@ mod tests {
     #[test]
     fn a_lost_reply_or_event_leaves_nothing_open() {
         let mut flights = flying(&[(1, MOVE, Some(Accepted::Started)), (2, Request::Clear, None)]);
-        flights.pass(State::Moving, REPLY_S - 0.1);
+        flights.pass(State::Moving, REPLY_S - 0.1, REPLY_S);
         assert!(landed(&mut flights).is_empty());
-        flights.pass(State::Moving, REPLY_S + 0.1);
+        flights.pass(State::Moving, REPLY_S + 0.1, REPLY_S);
         assert_eq!(landed(&mut flights), [(2, Err("no-reply"))]);
-        flights.pass(State::Holding, REPLY_S + 0.2);
+        flights.pass(State::Holding, REPLY_S + 0.2, REPLY_S);
         assert!(landed(&mut flights).is_empty(), "its event may still be on the way");
-        flights.pass(State::Holding, REPLY_S + 0.4);
+        flights.pass(State::Holding, REPLY_S + 0.4, REPLY_S);
         assert_eq!(landed(&mut flights), [(1, Err("stopped"))]);
     }
 }

@@ -135,7 +135,7 @@ impl Server<'_> {
             let message = if matches!(kind, EventKind::Homed(_)) { "" } else { message };
             self.tell_all(&event(t_s, name, message));
         }
-        self.flights.pass(self.session.state(), now_s);
+        self.flights.pass(self.session.state(), now_s, self.session.reply_s());
         self.session.take_log();
         self.answer_landed();
         Ok(())

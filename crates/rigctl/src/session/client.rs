@@ -18,8 +18,8 @@ use std::sync::mpsc::{self, Receiver, Sender};
 const TOOL: Versions = Versions::own(env!("CARGO_PKG_VERSION"), "");
 /// Time between two greetings of a board that has not answered, nor sent anything that can be read (s).
 const GREETING_S: f64 = 1.0;
-/// Longest wait for a reply (s).
-pub const REPLY_S: f64 = 3.0;
+/// Longest wait for a reply (s), on a line that does not deliver late.
+const REPLY_S: f64 = 3.0;
 /// Longest wait for the first message of a board (s): the start-up of a drive does not hold the link back.
 const HELLO_S: f64 = 5.0;
 /// Longest wait for flash (s): a sector may have to be erased, or a table that is being made goes first.
@@ -324,13 +324,18 @@ impl Session {
         Ok(false)
     }
 
+    /// Longest wait for a reply on this line (s).
+    pub fn reply_s(&self) -> f64 {
+        self.hearing.wait_s(REPLY_S)
+    }
+
     /// Sends a request and waits for its reply.
     ///
     /// # Errors
     /// The board's refusal, in words, or that no reply came.
     pub fn request(&mut self, request: &Request) -> Result<Accepted, Failure> {
         let number = self.post_anew(request)?;
-        let wait_s = self.hearing.wait_s(REPLY_S);
+        let wait_s = self.reply_s();
         self.until(wait_s, |s| s.reply_to(number).is_some())?;
         match self.reply_to(number).and_then(|place| self.replies.remove(place)) {
             Some((_, Ok(accepted))) => Ok(accepted),
@@ -359,7 +364,7 @@ impl Session {
     ) -> Result<T, Failure> {
         *newest(self) = None;
         self.request(request)?;
-        let end_s = self.now_s() + self.hearing.wait_s(REPLY_S);
+        let end_s = self.now_s() + self.reply_s();
         while self.now_s() < end_s {
             self.step()?;
             if let Some(sent) = newest(self) {

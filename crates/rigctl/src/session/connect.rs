@@ -73,7 +73,7 @@ impl Target {
         // A rig that cannot work is refused before anything starts.
         let scene = (wanted == Wanted::OfScene).then(|| scene_file::load_rig(&self.scene)).transpose()?;
         if let Some(options) = self.emulated() {
-            crate::say!("{options}");
+            crate::output::say!("{options}");
         }
         interrupt::watch();
         let mut session = self.open()?;
@@ -82,12 +82,12 @@ impl Target {
         }
         session.greet()?;
         if let Some(warning) = session.known_settings().and_then(board_settings::warning) {
-            crate::say!("warning: {warning}");
+            crate::output::say!("warning: {warning}");
         }
         if let Some(scene) = scene {
             if self.emulated().is_some() && session.require_identity()?.scene_hash != scene.hash() {
                 table::send(&mut session, &scene, &self.scene)?;
-                crate::say!("the emulated board was sent the table of {}", self.scene.display());
+                crate::output::say!("the emulated board was sent the table of {}", self.scene.display());
             }
             self.check_scene(&session)?;
         }
@@ -117,7 +117,7 @@ impl Target {
         }
         let fit = table::fitted(&scene, &self.scene)?;
         let prepared = self.with_table(&fit.table.table())?;
-        crate::say!("the emulated board was sent the table of {}", self.scene.display());
+        crate::output::say!("the emulated board was sent the table of {}", self.scene.display());
         Ok(prepared)
     }
 

@@ -25,7 +25,7 @@ pub fn watch() {
         }
         std::thread::spawn(|| {
             std::thread::sleep(GRACE);
-            crate::say!("error: interrupted while it waited: whether the board was stopped is not known");
+            crate::output::say!("error: interrupted while it waited: whether the board was stopped is not known");
             end();
         });
     });

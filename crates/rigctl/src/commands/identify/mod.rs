@@ -92,8 +92,8 @@ pub fn run(global: &Global, options: &Identify, output: &mut Output) -> Result<(
     };
     let hints = plausible::checked(&data, &scene).map_err(Failure::failed)?;
     let found = identify(&scene, &data, &candidates).map_err(|e| hinted(&e.to_string(), &hints))?;
-    hints.iter().for_each(|hint| crate::say!("is a unit wrong? {}", hint.text));
-    data.bad.iter().for_each(|bad| crate::say!("passed over: {bad}"));
+    hints.iter().for_each(|hint| crate::output::say!("is a unit wrong? {}", hint.text));
+    data.bad.iter().for_each(|bad| crate::output::say!("passed over: {bad}"));
     print::fit(&found.fit, &found.scene, UM, output)?;
     print::judged(&found, output)?;
     print::table(&scene, &found, output)?;

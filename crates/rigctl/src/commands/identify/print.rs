@@ -73,7 +73,7 @@ pub fn file(fit: &Fit, fitted: &Scene, source: &str, unit: Unit) -> Result<Strin
 /// Tells of an envelope that had to be narrowed for a table, and warns of a scene without one.
 pub fn table(before: &Scene, found: &Identified, output: &mut Output) -> Result<(), Failure> {
     if let Some(why) = &found.untabled {
-        crate::say!(
+        crate::output::say!(
             "no table: no firmware can be built for this scene: {why}; ask for less in [accuracy] or [envelope]"
         );
     }
