@@ -79,7 +79,7 @@ impl Default for RigConfig {
             lvdt_volts_at_zero: 0.0,
             lvdt_volts_at_stroke: 3.0,
             lvdt_gap_at_zero_m: 0.0,
-            lvdt_linearity: 0.0025,
+            lvdt_linearity: 0.005,
             adc_reference_v: 3.3,
         }
     }

@@ -175,7 +175,8 @@ impl Effects<'_> {
     /// Standard errors of what homing takes from elsewhere.
     pub fn priors(&self) -> Priors {
         let known = &self.scene.uncertainty;
-        Priors { radius: known.radius, zero_m: known.gap_zero_m, work: self.work()[0] }
+        let slope = f64::from(self.scene.constants().lvdt_slope_error());
+        Priors { radius: known.radius, zero_m: known.gap_zero_m, work: self.work()[0], slope }
     }
 
     /// Every error that is no change of the gap.

@@ -1,14 +1,14 @@
 //! What homing makes of a gap that is not the table's: the least-squares fit of the weighing, to first order.
 //!
-//! The firmware fits the load, a scale of the twist and the LVDT's zero to the gap over the twist, with priors
-//! (rig-control, `homing/load_estimate.rs`, whose constants these are), and puts a cubic through what the fit leaves. For a change
-//! δG of the gap the fit moves by x = N⁻¹ (Jᵀ W δG + p), with J the derivatives of the gap by the three unknowns, N = Jᵀ W J
-//! + P, and p what a prior is wrong by.
+//! The firmware fits the load, a scale of the twist, zero and slope of the LVDT, and the growth of the string radius to the gap
+//! over the twist, with priors (rig-control, `homing/load_estimate.rs`, whose constants these are). It puts a cubic through what
+//! load, scale and zero leave. For a change δG of the gap the fit moves by x = N⁻¹ (Jᵀ W δG + p), with J the derivatives of the
+//! gap by the unknowns, N = Jᵀ W J + P, and p what a prior is wrong by.
 
 use super::columns::{Column, State};
-use nalgebra::{Matrix3, Matrix4, Vector3, Vector4};
+use nalgebra::{Matrix4, SMatrix, SVector, Vector4};
 use rig_control::homing::{LOAD_TURNS, load_estimate};
-use std::f64::consts::TAU;
+use std::f64::consts::{PI, TAU};
 use std::ops::RangeInclusive;
 use tsa_model::PRETWIST_RAD;
 
@@ -21,6 +21,23 @@ pub(super) struct Priors {
     pub zero_m: f64,
     /// Of the load by the motor's work, relative.
     pub work: f64,
+    /// Of the LVDT's slope.
+    pub slope: f64,
+}
+
+/// The unknowns, in the firmware's order: logarithm of the load, that of the scale, zero (m), slope of the LVDT, exponent by
+/// which the radius grows faster with the twist.
+const UNKNOWNS: usize = load_estimate::UNKNOWNS;
+/// How many of them, from the first, the cubic has no part of.
+const KEPT: usize = 3;
+type Vector = SVector<f64, UNKNOWNS>;
+type Matrix = SMatrix<f64, UNKNOWNS, UNKNOWNS>;
+
+impl Priors {
+    /// In the order of the unknowns.
+    fn sigmas(&self) -> Vector {
+        Vector::from([self.work, self.radius, self.zero_m, self.slope, self.radius])
+    }
 }
 
 /// The fit under one load.
@@ -28,13 +45,13 @@ pub(super) struct Priors {
 pub(super) struct Homing {
     /// Places of the states that are weighed.
     weighed: RangeInclusive<usize>,
-    /// Of each state: derivatives of the gap by the logarithm of the load, that of the scale, and the zero (m).
-    jacobian: Vec<Vector3<f64>>,
+    /// Of each state: derivatives of the gap (m) by the unknowns.
+    jacobian: Vec<Vector>,
     /// Twist of each state, from −1 to 1 over those that are weighed; beyond them the cubic is level.
     place: Vec<f64>,
     /// Weight of a state (1/m²).
     weight: f64,
-    inverse: Matrix3<f64>,
+    inverse: Matrix,
     pub priors: Priors,
 }
 
@@ -59,34 +76,39 @@ impl Homing {
         let first = (0..states.len()).find(inside).unwrap_or(0);
         let last = (0..states.len()).rfind(inside).unwrap_or(states.len() - 1);
         let [from, to] = [first, last].map(|k| states[k].twist_rad);
-        let by = |s: &State| Vector3::new(s.load_n * s.by_load, s.by_twist * s.twist_rad, 1.0);
-        let jacobian: Vec<Vector3<f64>> = states.iter().map(by).collect();
+        let middle_m = states[first..=last].iter().map(|s| s.gap_m).sum::<f64>() / (last - first + 1) as f64;
+        let by = |s: &State| {
+            let by_scale = s.by_twist * s.twist_rad;
+            let by_growth = by_scale * (s.twist_rad / PI).ln();
+            Vector::from([s.load_n * s.by_load, by_scale, 1.0, s.gap_m - middle_m, by_growth])
+        };
+        let jacobian: Vec<Vector> = states.iter().map(by).collect();
         let place = |twist_rad: f64| (2.0 * (twist_rad - from) / (to - from) - 1.0).clamp(-1.0, 1.0);
         let error_m =
             residual_m.clamp(f64::from(load_estimate::MIN_GAP_ERROR_M), f64::from(load_estimate::LAW_GAP_ERROR_M));
         let weight = f64::from(load_estimate::INDEPENDENT_BINS) / ((last - first + 1) as f64 * error_m * error_m);
-        let known = Vector3::new(priors.work, priors.radius, priors.zero_m).map(|sigma| 1.0 / (sigma * sigma));
-        let seen: Matrix3<f64> = jacobian[first..=last].iter().map(|j| j * j.transpose() * weight).sum();
+        let known = priors.sigmas().map(|sigma| 1.0 / (sigma * sigma));
+        let seen: Matrix = jacobian[first..=last].iter().map(|j| j * j.transpose() * weight).sum();
         Self {
             weighed: first..=last,
             place: states.iter().map(|s| place(s.twist_rad)).collect(),
             jacobian,
             weight,
             // The priors make it regular.
-            inverse: (seen + Matrix3::from_diagonal(&known)).lu().try_inverse().unwrap_or_default(),
+            inverse: (seen + Matrix::from_diagonal(&known)).lu().try_inverse().unwrap_or_default(),
             priors,
         }
     }
 
     /// A gap that differs by `change_m` at each state.
     pub fn gap(&self, change_m: &[f64]) -> Taken {
-        self.taken(change_m, Vector3::zeros())
+        self.taken(change_m, Vector::zeros())
     }
 
-    /// A prior that is wrong by its standard error: 0 for the work, 1 the radius, 2 the LVDT's zero.
+    /// The prior of an unknown that is wrong by its standard error.
     pub fn prior(&self, which: usize) -> Taken {
-        let sigma = [self.priors.work, self.priors.radius, self.priors.zero_m][which];
-        let mut right = Vector3::zeros();
+        let sigma = self.priors.sigmas()[which];
+        let mut right = Vector::zeros();
         right[which] = 1.0 / sigma;
         self.taken(&vec![0.0; self.place.len()], right)
     }
@@ -113,23 +135,21 @@ impl Homing {
 
     /// Rms over the weighed states of what the fit leaves of a change of the gap, before the cubic (m).
     pub fn residual_m(&self, change_m: &[f64]) -> f64 {
-        let rest = self.rest(change_m, self.step(change_m, Vector3::zeros()));
+        let step = self.step(change_m, Vector::zeros());
+        let rest: Vec<f64> = change_m.iter().zip(&self.jacobian).map(|(change, j)| change - j.dot(&step)).collect();
         let weighed = &rest[self.weighed.clone()];
         (weighed.iter().map(|r| r * r).sum::<f64>() / weighed.len() as f64).sqrt()
     }
 
-    fn step(&self, change_m: &[f64], right: Vector3<f64>) -> Vector3<f64> {
-        let seen: Vector3<f64> = self.weighed.clone().map(|k| self.jacobian[k] * (self.weight * change_m[k])).sum();
+    fn step(&self, change_m: &[f64], right: Vector) -> Vector {
+        let seen: Vector = self.weighed.clone().map(|k| self.jacobian[k] * (self.weight * change_m[k])).sum();
         self.inverse * (right + seen)
     }
 
-    fn rest(&self, change_m: &[f64], step: Vector3<f64>) -> Vec<f64> {
-        change_m.iter().zip(&self.jacobian).map(|(change, j)| change - j.dot(&step)).collect()
-    }
-
-    fn taken(&self, change_m: &[f64], right: Vector3<f64>) -> Taken {
+    fn taken(&self, change_m: &[f64], right: Vector) -> Taken {
         let step = self.step(change_m, right);
-        let rest = self.rest(change_m, step);
+        let kept = |j: &Vector| j.fixed_rows::<KEPT>(0).dot(&step.fixed_rows::<KEPT>(0));
+        let rest: Vec<f64> = change_m.iter().zip(&self.jacobian).map(|(change, j)| change - kept(j)).collect();
         let normal: Matrix4<f64> =
             self.weighed.clone().map(|k| powers(self.place[k]) * powers(self.place[k]).transpose()).sum();
         let sums: Vector4<f64> = self.weighed.clone().map(|k| powers(self.place[k]) * rest[k]).sum();

@@ -254,8 +254,8 @@ impl Under {
         let mut under = Self { column, homing, parts: std::array::from_fn(|_| none.clone()) };
         gaps.iter().for_each(|effect| under.add_gap(effect));
         effects.direct().iter().for_each(|direct| under.add(direct));
-        // The constants' own uncertainty, radius and zero; and what the motor's work is wrong by.
-        for prior in [1, 2] {
+        // The constants' own uncertainty: scale and growth of the radius, and zero; and what the motor's work is wrong by.
+        for prior in [1, 2, 4] {
             let taken = under.homing.prior(prior);
             under.add_taken(Part::Law, &taken, &vec![0.0; under.column.0.len()], None);
         }

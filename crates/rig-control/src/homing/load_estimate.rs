@@ -3,8 +3,10 @@
 //!
 //! The gap's curve over the twist alone cannot tell a heavier load from a thinner string or from another zero of the
 //! LVDT. So the fit has four sources, each weighted by its own error: the curve, by the residual that it leaves on this very
-//! rig; what the scene says of string radius and LVDT zero, by the scene's uncertainty; the motor's work, by the noise of the current as it
-//! was measured; and the operator's weight, if one was given. Friction is half of what the ways up and down differ by. One
+//! rig; what the scene says of string radius and LVDT, by the scene's uncertainty; the motor's work, by the noise of the current as it
+//! was measured; and the operator's weight, if one was given. Two errors that no rig is without are unknowns of the fit, or they
+//! would be taken for another load: a slope of the LVDT, and a radius that grows faster or slower with the twist than the
+//! table's. Friction is half of what the ways up and down differ by. One
 //! Gauss–Newton step is taken in each tick. The inverse of the last step's matrix is the covariance of the result.
 
 use super::sweeps::{Bin, Sweeps};
@@ -89,14 +91,22 @@ struct Pair {
     half_gap_m: f32,
 }
 
-/// Unknowns of the fit. Their order in its matrix: logarithm of the load, logarithm of the scale, offset (mm).
+/// Unknowns of the fit. Their order in its matrix: logarithm of the load, logarithm of the scale, offset (mm), error of the
+/// LVDT's slope, growth of the radius.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Unknowns {
     load_n: f32,
     twist_scale: f32,
     /// Measured less modelled gap (m).
     offset_m: f32,
+    /// By how much the LVDT shows a change of the gap too large, as a fraction of it.
+    slope: f32,
+    /// Exponent of the twist by which the radius grows faster than the table's.
+    growth: f32,
 }
+
+/// Number of unknowns.
+pub const UNKNOWNS: usize = 5;
 
 /// Result of a weighing.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -130,6 +140,9 @@ pub(super) struct LoadEstimate {
     zero_current: (f32, f32),
     given: LoadChoice,
     by_work: Option<Weight>,
+    /// Mean gap of the sweep (m), and the standard error of the LVDT's slope.
+    middle_m: f32,
+    slope_error: f32,
     /// Scale of the twist that is expected: the table's, or that of these strings before.
     expected_scale: f32,
     steps: u8,
@@ -140,7 +153,9 @@ impl LoadEstimate {
     pub(super) const fn new(expected_scale: f32, given: LoadChoice) -> Self {
         Self {
             sweeps: Sweeps::NEW,
-            unknowns: Unknowns { load_n: 0.0, twist_scale: expected_scale, offset_m: 0.0 },
+            unknowns: Unknowns { load_n: 0.0, twist_scale: expected_scale, offset_m: 0.0, slope: 0.0, growth: 0.0 },
+            middle_m: 0.0,
+            slope_error: 0.0,
             friction_n: 0.0,
             currents: [Current::NONE; 2],
             zero_current: (0.0, 0.0),
@@ -169,6 +184,9 @@ impl LoadEstimate {
         let m = &table.metadata;
         self.zero_current = both_ways(zero_currents).map_or((0.0, f32::INFINITY), |(mean_a, _, var)| (mean_a, var));
         self.by_work = self.work(rig);
+        self.slope_error = rig.lvdt_slope_error();
+        let (sum_m, count) = self.pairs().fold((0.0, 0.0f32), |(sum_m, count), pair| (sum_m + pair.gap_m, count + 1.0));
+        self.middle_m = sum_m / count.max(1.0);
         self.unknowns.load_n = match self.given {
             LoadChoice::Known(given_n) => given_n.clamp(m.load_min_n, m.load_max_n),
             LoadChoice::Auto => libm::sqrtf(m.load_min_n * m.load_max_n),
@@ -228,12 +246,12 @@ impl LoadEstimate {
     fn gauss_newton(&mut self, table: &Table<'_>, last: bool) -> Result<Option<Weighed>, HomingFailure> {
         let m = &table.metadata;
         let uncertainty = &m.uncertainty;
-        let Unknowns { load_n, twist_scale, offset_m } = self.unknowns;
-        // Sums over the bins: residual r (mm), and its derivatives by the three unknowns.
+        let Unknowns { load_n, twist_scale, offset_m, slope, growth } = self.unknowns;
+        // Sums over the bins: residual r (mm), and its derivatives by the unknowns.
         let mut n = 0.0;
         let mut squares = 0.0;
-        let mut matrix = [[0.0f32; 3]; 3];
-        let mut right = [0.0f32; 3];
+        let mut matrix = [[0.0f32; UNKNOWNS]; UNKNOWNS];
+        let mut right = [0.0f32; UNKNOWNS];
         let (mut half_sum, mut half_squares) = (0.0f32, 0.0f32);
         let mut rest = heapless::Vec::<(f32, f32), USED>::new();
         let mechanism = self.mechanism(*table);
@@ -242,13 +260,16 @@ impl LoadEstimate {
             // in the load when that is light, so each is asked for by itself.
             let up = mechanism.at(load_n + self.friction_n, pair.twist_rad + pair.half_twist_rad);
             let down = below(&mechanism, load_n - self.friction_n, pair.twist_rad - pair.half_twist_rad);
-            let r = MM * (pair.gap_m - 0.5 * (up.gap_m + down.gap_m));
+            let beside = MM * (pair.gap_m - 0.5 * (up.gap_m + down.gap_m));
             let by_load = 0.5 * (up.dgap_dload_m_per_n + down.dgap_dload_m_per_n);
             let by_twist = 0.5 * (up.dgap_dtwist_m_per_rad + down.dgap_dtwist_m_per_rad);
-            let j = [MM * load_n * by_load, MM * by_twist * pair.twist_rad, 1.0];
+            let by_scale = MM * by_twist * pair.twist_rad;
+            let by_growth = by_scale * libm::logf(pair.twist_rad / core::f32::consts::PI);
+            let j = [MM * load_n * by_load, by_scale, 1.0, MM * (pair.gap_m - self.middle_m), by_growth];
+            let r = beside - slope * j[3] - growth * j[4];
             n += 1.0;
             squares += r * r;
-            for a in 0..3 {
+            for a in 0..UNKNOWNS {
                 right[a] += j[a] * r;
                 for b in 0..=a {
                     matrix[a][b] += j[a] * j[b];
@@ -257,7 +278,7 @@ impl LoadEstimate {
             half_sum += by_load * (pair.half_gap_m - 0.5 * (up.gap_m - down.gap_m));
             half_squares += by_load * by_load;
             // There are as many places as bins, so this cannot fail.
-            let _ = rest.push((pair.twist_rad, 1e-3 * r));
+            let _ = rest.push((pair.twist_rad, 1e-3 * beside));
         }
         if n < 0.5 * USED as f32 {
             return Err(HomingFailure::PoorFit);
@@ -273,6 +294,8 @@ impl LoadEstimate {
         };
         add(1, 1.0, (self.expected_scale - twist_scale) / twist_scale, uncertainty.radius);
         add(2, 1.0, -MM * offset_m, MM * uncertainty.gap_zero_m);
+        add(3, 1.0, -slope, self.slope_error);
+        add(4, 1.0, -growth, uncertainty.radius);
         let given = match self.given {
             LoadChoice::Known(given_n) => Some(Weight { load_n: given_n, sigma_n: GIVEN_ERROR * given_n }),
             LoadChoice::Auto => None,
@@ -295,6 +318,8 @@ impl LoadEstimate {
             load_n: wanted_n.clamp(m.load_min_n, m.load_max_n),
             twist_scale: (twist_scale * (1.0 + scale_step)).clamp(TWIST_SCALE[0], TWIST_SCALE[1]),
             offset_m: offset_m + 1e-3 * step[2],
+            slope: slope + step[3],
+            growth: growth + step[4],
         };
         let friction_n = self.friction_n + half_sum / half_squares.max(f32::MIN_POSITIVE);
         self.friction_n = friction_n.clamp(0.0, 0.4 * self.unknowns.load_n);
@@ -305,13 +330,13 @@ impl LoadEstimate {
         &self,
         table: &Table<'_>,
         wanted_n: f32,
-        covariance: &[[f32; 3]; 3],
+        covariance: &[[f32; UNKNOWNS]; UNKNOWNS],
         rest: &[(f32, f32)],
         residual_m: f32,
     ) -> Result<Weighed, HomingFailure> {
         let m = &table.metadata;
         let uncertainty = &m.uncertainty;
-        let Unknowns { load_n, twist_scale, offset_m } = self.unknowns;
+        let Unknowns { load_n, twist_scale, offset_m, slope, growth } = self.unknowns;
         if residual_m > MAX_RESIDUAL_M {
             return Err(HomingFailure::PoorFit);
         }
@@ -320,6 +345,8 @@ impl LoadEstimate {
         let surprise = [
             (twist_scale - self.expected_scale) / (uncertainty.radius * self.expected_scale),
             offset_m / uncertainty.gap_zero_m,
+            slope / self.slope_error,
+            growth / uncertainty.radius,
             residual_m / LAW_GAP_ERROR_M,
         ];
         let inflation = surprise.iter().map(|x| 0.5 * x * x).sum::<f32>().max(1.0);

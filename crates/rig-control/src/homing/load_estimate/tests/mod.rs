@@ -221,8 +221,8 @@ fn a_rig_that_is_its_table_is_found_as_it_is() {
 const BESIDE: Swept =
     Swept { twist_scale: 1.004, beside_m: |twist_rad| 0.1e-3 + 0.08e-3 * libm::sinf(0.7 * twist_rad), ..SWEPT };
 
-/// Residuals (mm) of the fit at its unknowns: logarithm of the load, logarithm of the scale, offset (mm).
-fn residuals(load_estimate: &LoadEstimate, unknowns: [f32; 3]) -> std::vec::Vec<f64> {
+/// Residuals (mm) of the fit at its unknowns: logarithm of the load, logarithm of the scale, offset (mm), slope, growth.
+fn residuals(load_estimate: &LoadEstimate, unknowns: [f32; UNKNOWNS]) -> std::vec::Vec<f64> {
     let mechanism = Mechanism {
         table: *table(),
         twist_scale: libm::expf(unknowns[1]),
@@ -232,7 +232,11 @@ fn residuals(load_estimate: &LoadEstimate, unknowns: [f32; 3]) -> std::vec::Vec<
     let left = |pair: Pair| {
         let up = mechanism.at(load_n + load_estimate.friction_n, pair.twist_rad + pair.half_twist_rad);
         let down = mechanism.at(load_n - load_estimate.friction_n, pair.twist_rad - pair.half_twist_rad);
-        1e3 * (f64::from(pair.gap_m) - 0.5 * (f64::from(up.gap_m) + f64::from(down.gap_m)))
+        let by_twist = 0.5 * f64::from(up.dgap_dtwist_m_per_rad + down.dgap_dtwist_m_per_rad);
+        let twist_rad = f64::from(pair.twist_rad);
+        let by_slope_m = f64::from(unknowns[3] * (pair.gap_m - load_estimate.middle_m));
+        let by_growth_m = f64::from(unknowns[4]) * by_twist * twist_rad * (twist_rad / core::f64::consts::PI).ln();
+        1e3 * (f64::from(pair.gap_m) - 0.5 * (f64::from(up.gap_m) + f64::from(down.gap_m)) - by_slope_m - by_growth_m)
     };
     load_estimate.pairs().map(left).collect()
 }
@@ -244,45 +248,47 @@ fn the_fit_ends_at_the_minimum_and_states_the_inverse_of_its_curvature() {
         let mut load_estimate = BESIDE.at_work().recorded(given, 1.0);
         let found = fitted(&mut load_estimate).expect("a load");
         let uncertainty = &table().metadata.uncertainty;
-        let Unknowns { load_n, twist_scale, offset_m } = load_estimate.unknowns;
-        let at = [libm::logf(load_n), libm::logf(twist_scale), 1e3 * offset_m];
+        let Unknowns { load_n, twist_scale, offset_m, slope, growth } = load_estimate.unknowns;
+        let at = [libm::logf(load_n), libm::logf(twist_scale), 1e3 * offset_m, slope, growth];
         let left = residuals(&load_estimate, at);
         let residual_mm = (left.iter().map(|r| r * r).sum::<f64>() / left.len() as f64).sqrt();
-        assert!((5e-3..0.2).contains(&residual_mm), "neither bound of the misfit is met: {residual_mm}");
+        assert!((5e-3..0.2).contains(&residual_mm), "neither bound of the residual is met: {residual_mm}");
         let weight = f64::from(INDEPENDENT_BINS) / (left.len() as f64 * residual_mm * residual_mm);
         // Derivatives of the residuals by differences.
         const STEP: f32 = 4e-3;
-        let derivatives: [std::vec::Vec<f64>; 3] = core::array::from_fn(|unknown| {
+        let derivatives: [std::vec::Vec<f64>; UNKNOWNS] = core::array::from_fn(|unknown| {
             let mut sides = [at; 2];
             (sides[0][unknown], sides[1][unknown]) = (at[unknown] - STEP, at[unknown] + STEP);
             let [low, high] = sides.map(|side| residuals(&load_estimate, side));
             low.iter().zip(high).map(|(low, high)| (high - low) / f64::from(2.0 * STEP)).collect()
         });
-        // What is known besides: the scene's radius and zero, the motor's work, a given weight.
+        // What else is known: the scene's radius, zero and LVDT, the motor's work, a given weight.
         let mut known = std::vec![
             (1, f64::from(uncertainty.radius), f64::from(at[1])),
             (2, f64::from(1e3 * uncertainty.gap_zero_m), f64::from(at[2])),
+            (3, f64::from(RIG.lvdt_slope_error()), f64::from(at[3])),
+            (4, f64::from(uncertainty.radius), f64::from(at[4])),
         ];
         let by_work = load_estimate.by_work.expect("there is a current");
         known.push((0, f64::from(by_work.sigma_n / load_n), f64::from((load_n - by_work.load_n) / load_n)));
         if let LoadChoice::Known(given_n) = given {
             known.push((0, f64::from(GIVEN_ERROR * given_n / load_n), f64::from((load_n - given_n) / load_n)));
         }
-        let mut information = [[0.0f64; 3]; 3];
-        let mut slope = [0.0f64; 3];
-        for a in 0..3 {
-            slope[a] += weight * derivatives[a].iter().zip(&left).map(|(d, r)| d * r).sum::<f64>();
-            for b in 0..3 {
+        let mut information = [[0.0f64; UNKNOWNS]; UNKNOWNS];
+        let mut falls = [0.0f64; UNKNOWNS];
+        for a in 0..UNKNOWNS {
+            falls[a] += weight * derivatives[a].iter().zip(&left).map(|(d, r)| d * r).sum::<f64>();
+            for b in 0..UNKNOWNS {
                 information[a][b] +=
                     weight * derivatives[a].iter().zip(&derivatives[b]).map(|(a, b)| a * b).sum::<f64>();
             }
         }
         for (unknown, sigma, away) in known {
             information[unknown][unknown] += 1.0 / (sigma * sigma);
-            slope[unknown] += away / (sigma * sigma);
+            falls[unknown] += away / (sigma * sigma);
         }
-        for unknown in 0..3 {
-            let fraction = slope[unknown] / information[unknown][unknown].sqrt();
+        for unknown in 0..UNKNOWNS {
+            let fraction = falls[unknown] / information[unknown][unknown].sqrt();
             assert!(fraction.abs() < 0.05, "{unknown}: the sum still falls by {fraction} standard errors");
         }
         let inverse = Cholesky::new(information.map(|row| row.map(|x| x as f32))).expect("positive").inverse();
@@ -322,12 +328,14 @@ fn half_of_the_bins_are_enough() {
 fn result(unknowns: Unknowns, given: LoadChoice, wanted_n: f32, residual_m: f32) -> Result<Weighed, HomingFailure> {
     let mut load_estimate = LoadEstimate::new(1.0, given);
     (load_estimate.unknowns, load_estimate.friction_n) = (unknowns, 0.1);
-    let covariance = [[1e-4, 0.0, 0.0], [2e-5, 4e-6, 0.0], [3e-3, 5e-4, 9e-2]];
+    load_estimate.slope_error = RIG.lvdt_slope_error();
+    let mut covariance = [[0.0; UNKNOWNS]; UNKNOWNS];
+    (covariance[0][0], covariance[1][1], covariance[2][1], covariance[2][2]) = (1e-4, 4e-6, 5e-4, 9e-2);
     let rest: [(f32, f32); 8] = core::array::from_fn(|k| (4.0 + k as f32, 0.0));
     load_estimate.result(table(), wanted_n, &covariance, &rest, residual_m)
 }
 
-const EXPECTED: Unknowns = Unknowns { load_n: 5.0, twist_scale: 1.0, offset_m: 0.0 };
+const EXPECTED: Unknowns = Unknowns { load_n: 5.0, twist_scale: 1.0, offset_m: 0.0, slope: 0.0, growth: 0.0 };
 
 #[test]
 fn a_surprise_makes_everything_less_certain() {
@@ -335,9 +343,11 @@ fn a_surprise_makes_everything_less_certain() {
     let shape = uncertainty.load_shape;
     let cases = [
         (EXPECTED, 0.0, 1.0),
-        // Three standard errors of the radius, of the zero, and of the law.
+        // Three standard errors of the radius, of its growth, of zero and slope of the LVDT, and of the law.
         (Unknowns { twist_scale: 1.0 + 3.0 * uncertainty.radius, ..EXPECTED }, 0.0, 4.5),
         (Unknowns { offset_m: -3.0 * uncertainty.gap_zero_m, ..EXPECTED }, 0.0, 4.5),
+        (Unknowns { slope: 3.0 * RIG.lvdt_slope_error(), ..EXPECTED }, 0.0, 4.5),
+        (Unknowns { growth: -3.0 * uncertainty.radius, ..EXPECTED }, 0.0, 4.5),
         (EXPECTED, 3.0 * LAW_GAP_ERROR_M, 4.5),
         (Unknowns { offset_m: 2.0 * uncertainty.gap_zero_m, ..EXPECTED }, 2.0 * LAW_GAP_ERROR_M, 4.0),
     ];
@@ -399,4 +409,34 @@ fn lighter_loads_than_the_tables_are_continued_in_one_over_the_load() {
     near(at(0.0).gap_m - edge.gap_m, -9.0 * edge.dgap_dload_m_per_n * min_n, 1e-4);
     assert_eq!(at(0.0), at(0.1 * min_n));
     assert_eq!(at(-1.0), at(0.1 * min_n));
+}
+
+/// What every rig as built has: an LVDT whose slope is 1 % off, and a radius that grows by another power of the twist.
+#[test]
+fn a_wrong_slope_and_a_radius_of_another_growth_are_not_taken_for_another_load() {
+    fn slope(twist_rad: f32) -> f32 {
+        0.01 * (table().point_inside(2.0, twist_rad).gap_m - 0.08)
+    }
+    fn growth(twist_rad: f32) -> f32 {
+        let grown_rad = twist_rad * libm::powf(twist_rad / core::f32::consts::PI, -0.03);
+        table().point_inside(2.0, grown_rad).gap_m - table().point_inside(2.0, twist_rad).gap_m
+    }
+    for beside_m in [slope as fn(f32) -> f32, growth] {
+        let swept = Swept { load_n: 2.0, beside_m, currents_a: [0.03, -0.03], ..SWEPT };
+        let mut load_estimate = swept.recorded(LoadChoice::Auto, 1.0);
+        load_estimate.begin_fit(table(), &RIG, &zero_currents(0.0));
+        load_estimate.by_work = None;
+        let mut found = None;
+        for _ in 0..STEPS {
+            found = load_estimate.fit_step(table()).expect("a load");
+        }
+        let found = found.expect("the last step");
+        let error_n = super::super::NINETY_PERCENT * found.load_sigma_n;
+        assert!((found.load_n - 2.0).abs() < 0.5 * error_n && error_n < 0.3 * 2.0, "{} ± {error_n} N", found.load_n);
+        // At the homed load gap and slope are those that this rig showed.
+        let mechanism = Mechanism { table: *table(), twist_scale: found.twist_scale, curve: found.curve };
+        for twist_rad in [10.0, 20.0, 30.0] {
+            near(mechanism.at(found.load_n, twist_rad).gap_m, swept.gap_m(2.0, twist_rad), 2e-4);
+        }
+    }
 }
