@@ -4,6 +4,7 @@
 pub mod baselines;
 pub mod board;
 pub mod compare;
+pub mod coverage;
 pub mod endurance;
 pub mod following;
 pub mod full_speed;

@@ -6,7 +6,7 @@ use anyhow::{Context, Result, bail};
 use clap::{Parser, Subcommand};
 use host_tests::results::{List, Section};
 use host_tests::study::{Rigs, Study};
-use host_tests::{compare, endurance, following, limit, margins, rigs, speed};
+use host_tests::{compare, coverage, endurance, following, limit, margins, rigs, speed};
 
 #[derive(Parser)]
 #[command(version)]
@@ -37,6 +37,8 @@ enum Task {
     Compare(compare::study::Arguments),
     /// The control code on emulated rigs that are not their own model
     Rigs(rigs::Arguments),
+    /// How often the stated errors of load and position hold the truth
+    Coverage(coverage::Arguments),
     /// Long runs on the emulated board
     Endurance(endurance::Arguments),
 }
@@ -64,6 +66,7 @@ fn measured(task: &Task) -> Result<Study> {
         Task::Following(rigs) => following::study(rigs),
         Task::Compare(arguments) => compare::study::study(arguments),
         Task::Rigs(arguments) => rigs::measured(arguments),
+        Task::Coverage(arguments) => coverage::study(arguments),
         Task::Endurance(arguments) => Ok(endurance::study(arguments)),
     }
 }

@@ -46,6 +46,8 @@ pub struct Lvdt {
     rate_per_s: f64,
     gain: f64,
     filtered_m: f64,
+    /// What the curve adds there, m.
+    curve_m: f64,
     drift: Drift,
     drift_m: f64,
     drift_noise: Pcg64Mcg,
@@ -73,6 +75,7 @@ impl Lvdt {
             rate_per_s: TAU * BANDWIDTH_HZ,
             gain: 1.0 + settings.lvdt_gain_error,
             filtered_m: gap_m,
+            curve_m: 0.0,
             last_code: 0,
             faults: LvdtFaults::default(),
         }
@@ -81,6 +84,7 @@ impl Lvdt {
     /// One step of `h` seconds; exact for a gap that stays where it is.
     pub fn step(&mut self, h: f64, gap_m: f64, settings: &PlantSettings) {
         self.filtered_m += (gap_m - self.filtered_m) * -(-h * self.rate_per_s).exp_m1();
+        self.curve_m = self.curve_m(self.filtered_m, settings);
         if settings.lvdt_noise_inband_m > 0.0 {
             self.drift_m = self.drift.step(h, settings.lvdt_noise_inband_m, &mut self.drift_noise);
         } else {
@@ -104,7 +108,7 @@ impl Lvdt {
         // Drawn for each sample, also during a fault: a fault does not change the noise that follows it.
         let normal: f64 = StandardNormal.sample(noise);
         let hum_m = settings.hum_m * (TAU * MAINS_HZ * t_s).sin();
-        let errors_m = hum_m + self.curve_m(self.filtered_m, settings) + self.drift_m;
+        let errors_m = hum_m + self.curve_m + self.drift_m;
         let gap_m =
             self.filtered_m + settings.lvdt_offset_m + errors_m + normal * settings.lvdt_noise_m.hypot(fault_noise);
         let gain = self.gain * (1.0 + LVDT_GAIN_PER_K * settings.temperature_k);
