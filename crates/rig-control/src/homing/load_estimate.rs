@@ -112,6 +112,8 @@ pub const UNKNOWNS: usize = 5;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Weighed {
     pub load_n: f32,
+    /// The load fits best beyond the table's range, at whose end `load_n` stands.
+    pub beyond_range: bool,
     /// Standard error of the load (N).
     pub load_sigma_n: f32,
     pub twist_scale: f32,
@@ -363,6 +365,7 @@ impl LoadEstimate {
         }
         Ok(Weighed {
             load_n,
+            beyond_range: !(m.load_min_n..=m.load_max_n).contains(&wanted_n),
             load_sigma_n,
             twist_scale,
             friction_n: self.friction_n,

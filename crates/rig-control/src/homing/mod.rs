@@ -101,6 +101,8 @@ pub struct Homed {
     pub zero_rad: f32,
     /// What the host is told.
     pub found: HomingResult,
+    /// The load fits best beyond the table's range, at whose end the estimate stands.
+    pub beyond_range: bool,
 }
 
 /// Inputs of one tick.
@@ -459,6 +461,7 @@ impl Homing {
         }
         Ok(Phase::Done(Homed {
             zero_rad: self.zero_rad,
+            beyond_range: w.beyond_range,
             found: HomingResult {
                 zero_error_rad: self.zero_error_rad,
                 load_n: w.load_n,

@@ -105,7 +105,8 @@ impl LoadTracking {
         let Some(observation) = &self.observation else { return Doubts::NONE.with(Doubt::LoadUnknown) };
         let known = observation.confirmed && observation.load_error_n <= UNKNOWN_FRACTION * self.observer.load_n();
         let mut doubts = Doubts::NONE;
-        if observation.at_range_end {
+        // A homing that ended at the end of the range holds until the load is known to be another one.
+        if observation.at_range_end || self.homed.beyond_range && observation.confirmed {
             doubts.insert(Doubt::LoadRange);
         }
         if !known {

@@ -90,6 +90,7 @@ impl Move {
             ),
             ("strings", TURNS.show(r.turns)),
             ("time", S.show(r.duration_s)),
+            ("off target", r.off_target.clone().unwrap_or_default()),
         ];
         Ok(output.named(lines)?)
     }

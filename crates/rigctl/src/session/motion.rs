@@ -5,7 +5,7 @@ use super::link::STEP_S;
 use super::row::Row;
 use crate::failure::{Failure, HomingFailed};
 use crate::output::progress;
-use crate::units::{MM, TURNS_OF_RAD};
+use crate::units::{MM, TURNS_OF_RAD, UM};
 use rig_link::{Accepted, EventKind, Fault, HomingFailure, LoadChoice, Request, StreamEnd};
 use serde::Serialize;
 use std::f64::consts::PI;
@@ -97,7 +97,7 @@ pub fn ended(session: &mut Session, request: &Request, when: &str) -> Result<Opt
 }
 
 /// How a move ended.
-#[derive(Clone, Copy, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize)]
 pub struct MoveResult {
     /// Target (m).
     pub target_m: f64,
@@ -121,6 +121,27 @@ pub struct MoveResult {
     pub turns: f64,
     /// From the request to rest (s).
     pub duration_s: f64,
+    /// Why the load rests beside its target; nothing where it does not.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub off_target: Option<String>,
+}
+
+/// From which error (m) on the mean of 0.3 s is beside its target: above the noise of that mean on a noisy LVDT.
+const OFF_TARGET_M: f64 = 30e-6;
+
+/// Why a load rests beside its target by an error (m), from what the board says of itself.
+fn off_target(error_m: f64, row: &Row, rest_tolerance_m: Option<f32>) -> Option<String> {
+    if error_m.abs() < OFF_TARGET_M {
+        return None;
+    }
+    Some(match (row.limit, rest_tolerance_m, &row.doubts) {
+        (Some(limit), ..) => format!("limit {limit}"),
+        (_, Some(tolerance_m), _) if error_m.abs() <= f64::from(tolerance_m) => {
+            format!("stick-slip: within {}, a correction would make the load jump farther", UM.error(tolerance_m))
+        }
+        (_, _, Some(doubts)) => format!("doubt {doubts}"),
+        _ => "not known".into(),
+    })
 }
 
 /// Moves; `each` gets every row of telemetry.
@@ -192,10 +213,13 @@ fn settle(
     let before = before.ok_or_else(|| Failure::failed("the board went silent"))?;
     let position_m = sum / count;
     let number = |v: Option<f32>| v.map_or(f64::NAN, f64::from);
+    let error_m = position_m - to_m;
+    let tolerance_m = if error_m.abs() < OFF_TARGET_M { None } else { session.sensors()?.rest_tolerance_m };
     Ok(MoveResult {
+        off_target: off_target(error_m, &last, tolerance_m),
         target_m: to_m,
         position_m,
-        error_m: position_m - to_m,
+        error_m,
         true_error_m: Some(true_sum / count - to_m).filter(|e| e.is_finite()),
         position_error_m: last.position_error_m,
         load_n: number(last.load_n),
@@ -288,4 +312,24 @@ pub fn turn(
     }
     let end = TURNS_OF_RAD.show(to - PI);
     Err(Failure::failed(format!("the strings did not reach {end}: is the load stuck or too heavy?")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fixtures::telemetry;
+    use rig_link::Limit;
+    use rig_link::messages::{Doubt, Doubts};
+
+    #[test]
+    fn a_move_beside_its_target_says_why() {
+        let row = |limit, doubts| Row::new(1.0, &rig_link::Telemetry { limit, doubts, ..telemetry(100) }, None, None);
+        let plain = row(None, Doubts::NONE);
+        assert_eq!(off_target(29e-6, &plain, Some(1e-4)), None);
+        let why = |error_m, row: &Row, tolerance_m| off_target(error_m, row, tolerance_m).expect("it is off");
+        assert_eq!(why(-2e-3, &row(Some(Limit::Travel), Doubts::NONE), Some(1e-4)), "limit travel");
+        assert!(why(80e-6, &plain, Some(1e-4)).starts_with("stick-slip: within"));
+        assert_eq!(why(2e-4, &row(None, Doubts::of(&[Doubt::LoadRange])), Some(1e-4)), "doubt load-range");
+        assert_eq!(why(2e-4, &plain, None), "not known");
+    }
 }
