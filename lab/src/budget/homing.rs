@@ -171,7 +171,7 @@ mod tests {
 
     fn homing() -> (Column, Homing) {
         let column = Column::all(&scene()).unwrap().swap_remove(4);
-        let homing = Homing::new(&column, 0.1e-3, Priors { radius: 0.03, zero_m: 1e-3, work: 0.5 });
+        let homing = Homing::new(&column, 0.1e-3, Priors { radius: 0.03, zero_m: 0.5e-3, slope: 0.0074, work: 0.5 });
         (column, homing)
     }
 
@@ -179,8 +179,8 @@ mod tests {
     #[test]
     fn another_load_is_found_and_leaves_nothing() {
         let (column, _) = homing();
-        let open = Priors { radius: 0.5, zero_m: 0.5, work: 1e3 };
-        let sure = Homing::new(&column, 0.0, Priors { radius: 1e-6, zero_m: 1e-6, work: 1e3 });
+        let open = Priors { radius: 0.5, zero_m: 0.5, slope: 0.1, work: 1e3 };
+        let sure = Homing::new(&column, 0.0, Priors { radius: 1e-6, zero_m: 1e-6, slope: 1e-6, work: 1e3 });
         for homing in [Homing::new(&column, 0.0, open), sure] {
             let taken = homing.gap(&column.each(|s| 0.01 * s.load_n * s.by_load));
             assert!((taken.load / 0.01 - 1.0).abs() < 0.02, "{}", taken.load);
