@@ -40,6 +40,9 @@ pub const FRICTION_LEFT: f32 = 0.02;
 /// Rms gap (m) left by the fit beyond which neither strings nor LVDT are of the scene's kind: ten times what the laws that
 /// fit the paper's numbers differ by.
 const MAX_RESIDUAL_M: f32 = 2e-3;
+/// Maximum sum of squares of what the fit finds, each as a multiple of its standard error by the scene. Beyond it, rig and
+/// scene contradict each other, and the load is unknown: of 300 nominal and hard rigs, one is beyond it.
+const MAX_SURPRISE: f32 = 5.0;
 /// Standard error of a weight that the operator gives, as a fraction of it.
 const GIVEN_ERROR: f32 = 0.005;
 /// Maximum change in a step of the logarithm of the load, and of that of the scale.
@@ -351,7 +354,8 @@ impl LoadEstimate {
             growth / uncertainty.radius,
             residual_m / LAW_GAP_ERROR_M,
         ];
-        let inflation = surprise.iter().map(|x| 0.5 * x * x).sum::<f32>().max(1.0);
+        let surprise = surprise.iter().map(|x| x * x).sum::<f32>();
+        let inflation = (0.5 * surprise).max(1.0);
         // The scale takes up an error of the radius, but not an error of how the radius depends on the load.
         let shape_n = match self.given {
             LoadChoice::Auto => uncertainty.load_shape * load_n,
@@ -363,10 +367,11 @@ impl LoadEstimate {
         if wanted_n + margin_n < 0.9 * m.load_min_n || wanted_n - margin_n > 1.1 * m.load_max_n {
             return Err(HomingFailure::LoadOutOfRange);
         }
+        let unknown = surprise > MAX_SURPRISE && self.given == LoadChoice::Auto;
         Ok(Weighed {
             load_n,
             beyond_range: !(m.load_min_n..=m.load_max_n).contains(&wanted_n),
-            load_sigma_n,
+            load_sigma_n: if unknown { load_n } else { load_sigma_n },
             twist_scale,
             friction_n: self.friction_n,
             curve: curve(rest, offset_m).ok_or(HomingFailure::PoorFit)?,

@@ -343,13 +343,13 @@ fn a_surprise_makes_everything_less_certain() {
     let shape = uncertainty.load_shape;
     let cases = [
         (EXPECTED, 0.0, 1.0),
-        // Three standard errors of the radius, of its growth, of zero and slope of the LVDT, and of the law.
-        (Unknowns { twist_scale: 1.0 + 3.0 * uncertainty.radius, ..EXPECTED }, 0.0, 4.5),
-        (Unknowns { offset_m: -3.0 * uncertainty.gap_zero_m, ..EXPECTED }, 0.0, 4.5),
-        (Unknowns { slope: 3.0 * RIG.lvdt_slope_error(), ..EXPECTED }, 0.0, 4.5),
-        (Unknowns { growth: -3.0 * uncertainty.radius, ..EXPECTED }, 0.0, 4.5),
-        (EXPECTED, 3.0 * LAW_GAP_ERROR_M, 4.5),
-        (Unknowns { offset_m: 2.0 * uncertainty.gap_zero_m, ..EXPECTED }, 2.0 * LAW_GAP_ERROR_M, 4.0),
+        // Two standard errors of the radius, of its growth, of zero and slope of the LVDT, and of the law.
+        (Unknowns { twist_scale: 1.0 + 2.0 * uncertainty.radius, ..EXPECTED }, 0.0, 2.0),
+        (Unknowns { offset_m: -2.0 * uncertainty.gap_zero_m, ..EXPECTED }, 0.0, 2.0),
+        (Unknowns { slope: 2.0 * RIG.lvdt_slope_error(), ..EXPECTED }, 0.0, 2.0),
+        (Unknowns { growth: -2.0 * uncertainty.radius, ..EXPECTED }, 0.0, 2.0),
+        (EXPECTED, 2.0 * LAW_GAP_ERROR_M, 2.0),
+        (Unknowns { offset_m: 1.5 * uncertainty.gap_zero_m, ..EXPECTED }, 1.5 * LAW_GAP_ERROR_M, 2.25),
     ];
     for (unknowns, residual_m, inflation) in cases {
         let found = result(unknowns, LoadChoice::Auto, 5.0, residual_m).expect("a load");
@@ -366,6 +366,16 @@ fn a_surprise_makes_everything_less_certain() {
     }
     assert!(result(EXPECTED, LoadChoice::Auto, 5.0, 0.99 * MAX_RESIDUAL_M).is_ok());
     assert_eq!(result(EXPECTED, LoadChoice::Auto, 5.0, 1.01 * MAX_RESIDUAL_M), Err(HomingFailure::PoorFit));
+}
+
+/// Rig and scene contradict each other: the load is unknown, unless the operator says it.
+#[test]
+fn a_surprise_that_is_too_large_leaves_the_load_unknown() {
+    for (sigmas, contradicts) in [(0.99, false), (1.01, true)].map(|(x, c)| (x * libm::sqrtf(MAX_SURPRISE), c)) {
+        let found = |given| result(EXPECTED, given, 5.0, sigmas * LAW_GAP_ERROR_M).expect("a load").load_sigma_n;
+        assert_eq!(found(LoadChoice::Auto) == 5.0, contradicts, "{sigmas}");
+        assert!(found(LoadChoice::Known(5.0)) < 0.1, "{sigmas}");
+    }
 }
 
 #[test]
