@@ -1,10 +1,10 @@
 //! Doors that lead to a rig: what sensors and drive say, what a host asks, what an outside plant answers.
 
 use super::with_file;
-use rig_control::{Controller, DriveCommand, DriveReading, Inputs, LvdtBlock, SupplyReading};
+use rig_control::{DriveCommand, DriveReading, Inputs, LvdtBlock, SupplyReading};
 use rig_link::messages::{Counters, LoadChoice, Request, Setting, Telemetry};
 use rig_plant::RigPreset;
-use rig_plant::bench::{ControlBench, constants, scene, table};
+use rig_plant::bench::{ControlBench, booted, constants, scene, table};
 use rig_plant::rig::EmulatedRig;
 use rig_plant::rig::outside::Outside;
 use rig_plant::rig::outside::measured::Measured;
@@ -24,7 +24,7 @@ fn check_telemetry(t: &Telemetry) {
 /// What sensors, drive and host may say in any order, to the control code: it never sends the drive far from where it
 /// says it is, and every number that it tells is finite.
 pub fn control(data: &[u8]) {
-    let mut rig = Controller::new(table(), constants(), None);
+    let mut rig = booted();
     let (mut now_us, mut counts, mut position) = (0u64, 0i64, 0i32);
     for chunk in data.chunks_exact(16) {
         let word = |k: usize| i32::from_le_bytes([chunk[k], chunk[k + 1], chunk[k + 2], chunk[k + 3]]);
@@ -147,7 +147,7 @@ pub fn plant_program(data: &[u8]) {
     with_file("plant-program", &text, |path| {
         let program = Outside::Program(format!("cat {}", path.display()));
         let Ok(rig) = EmulatedRig::from_outside(scene(), RigPreset::Ideal, &[], 1, &program) else { return };
-        let mut bench = ControlBench::on(rig, Controller::new(table(), constants(), None));
+        let mut bench = ControlBench::on(rig, booted());
         for k in 0..100 {
             let jog = Request::Jog { twist_speed_rad_per_s: 2.0 };
             let tick = bench.tick((k == 60).then_some(jog));
@@ -177,7 +177,7 @@ pub fn surface(data: &[u8]) {
     }
     let outside = Outside::Measured(measured);
     let Ok(rig) = EmulatedRig::from_outside(scene(), RigPreset::Hard, &[], 1, &outside) else { return };
-    let mut bench = ControlBench::on(rig, Controller::new(table(), constants(), None));
+    let mut bench = ControlBench::on(rig, booted());
     for _ in 0..10 {
         check_telemetry(&bench.tick(None).telemetry);
     }

@@ -4,9 +4,9 @@
 use crate::physical_limit::Oscillation;
 use crate::rigs::subject::Subject;
 use crate::study::each;
-use crate::{ControlBench, ControlLaw, constants, table};
+use crate::{ControlBench, ControlLaw, booted, constants, table};
 use lab::chart::margin::DAMPING;
-use rig_control::{Controller, TICK_S};
+use rig_control::TICK_S;
 use rig_link::messages::{LoadChoice, State};
 use rig_plant::units::STANDARD_GRAVITY;
 use std::fmt;
@@ -165,7 +165,7 @@ pub fn all(subject: &Subject, threads: usize) -> Vec<Outcome> {
 /// In words, if it cannot be homed.
 pub fn homed_under(subject: &Subject, load_kg: f64) -> Result<ControlBench, String> {
     let rig = subject.switched_on(load_kg * STANDARD_GRAVITY).map_err(|e| e.to_string())?;
-    let mut bench = ControlBench::on(rig, Controller::new(table(), constants(), None));
+    let mut bench = ControlBench::on(rig, booted());
     bench.home()?;
     bench.run(0.5);
     Ok(bench)

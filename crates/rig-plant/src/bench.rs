@@ -36,6 +36,11 @@ pub fn constants() -> RigConstants {
     scene().constants()
 }
 
+/// Control code of the default scene that has just booted.
+pub fn booted() -> Controller {
+    Controller::new(table(), constants(), None)
+}
+
 /// The rig with these plant keys.
 ///
 /// # Panics
@@ -140,7 +145,7 @@ pub(crate) fn address() -> Address {
 impl ControlBench {
     /// A rig with these plant keys, and control code that has just booted.
     pub fn new(keys: &[(&str, &str)], seed: u64) -> Self {
-        Self::with(Controller::new(table(), constants(), None), keys, seed)
+        Self::with(booted(), keys, seed)
     }
 
     /// As [`ControlBench::new`], of a rig whose `[rig]` is not the default scene's, and control code built for it. Address and

@@ -195,11 +195,7 @@ fn look(bench: &ControlBench, moment: Moment, stated: &mut Vec<Stated>) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bench::{constants, table};
-
-    fn booted() -> Controller {
-        Controller::new(table(), constants(), None)
-    }
+    use crate::bench::booted;
 
     #[test]
     fn a_seed_names_one_trial_and_the_draws_keep_to_their_ranges() {

@@ -3,9 +3,8 @@
 use crate::wrong;
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
-use rig_control::Controller;
 use rig_plant::RigPreset;
-use rig_plant::bench::{constants, table};
+use rig_plant::bench::booted;
 use rig_plant::trial::{Stated, Trial};
 use serde::Serialize;
 
@@ -23,6 +22,6 @@ struct Tried {
 #[pyfunction]
 pub(crate) fn trial(py: Python<'_>, kind: &str, seed: u64) -> PyResult<String> {
     let trial = Trial::new(kind.parse::<RigPreset>().map_err(wrong)?, seed);
-    let (stated, ended) = py.detach(|| trial.run(Controller::new(table(), constants(), None)));
+    let (stated, ended) = py.detach(|| trial.run(booted()));
     serde_json::to_string(&Tried { trial, stated, ended }).map_err(|e| PyRuntimeError::new_err(e.to_string()))
 }
