@@ -16,6 +16,9 @@ const CLASSES: [(&str, f64); 3] = [("light", 0.3), ("middle", 0.9), ("heavy", f6
 /// How many rigs of each kind, as built and calibrated.
 const RIGS: [u64; 2] = [5000, 100];
 
+/// Seed of the first rig. The homing's standard errors were chosen on seeds below.
+const FIRST_SEED: u64 = 10_001;
+
 /// What is asked of the study.
 #[derive(clap::Args, Clone, Debug)]
 pub struct Arguments {
@@ -103,12 +106,13 @@ fn same_load(moment: Moment) -> bool {
 pub fn study(arguments: &Arguments) -> Result<Study> {
     let mut items = Vec::new();
     let counts = [RIGS[0], arguments.calibrated.unwrap_or(RIGS[1])];
-    for kind in KINDS.into_iter().filter(|kind| arguments.rigs.wants(*kind)) {
-        let seeds = arguments.rigs.seeds(counts[0]);
+    let rigs = Rigs { seed: arguments.rigs.seed.or(Some(FIRST_SEED)), ..arguments.rigs.clone() };
+    for kind in KINDS.into_iter().filter(|kind| rigs.wants(*kind)) {
+        let seeds = rigs.seeds(counts[0]);
         let calibrated = seeds.start..seeds.start + counts[1];
         items.extend(seeds.map(|seed| (kind, seed, false)).chain(calibrated.map(|seed| (kind, seed, true))));
     }
-    let all = each(arguments.rigs.jobs, &items, |(kind, seed, calibrated)| tried(*kind, *seed, *calibrated));
+    let all = each(rigs.jobs, &items, |(kind, seed, calibrated)| tried(*kind, *seed, *calibrated));
     Ok(table(&all))
 }
 

@@ -126,7 +126,7 @@ impl Sorted {
 /// What the studies on emulated rigs have in common.
 #[derive(clap::Args, Clone, Debug)]
 pub struct Rigs {
-    /// Seed of the first rig. Nothing was tuned on those from 1001 on
+    /// Seed of the first rig (default: as in docs/results.md)
     #[arg(long)]
     pub seed: Option<u64>,
     /// How many rigs of each kind (default: as in docs/results.md)

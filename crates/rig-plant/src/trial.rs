@@ -10,7 +10,7 @@ use crate::rig::EmulatedRig;
 use crate::units::STANDARD_GRAVITY;
 use crate::{PlantKey, PlantSettings, RigPreset};
 use rig_control::Controller;
-use rig_link::messages::{LoadChoice, Request, State};
+use rig_link::messages::{LoadChoice, Parameter, Refusal, Request, State};
 use serde::Serialize;
 
 /// Loads (kg), evenly in their logarithm; most of the default scene's range.
@@ -23,6 +23,8 @@ const PLACES_M: [f64; 2] = [0.001, 0.013];
 const MOVES_M: [f32; 2] = [0.004, 0.010];
 /// Speed of every move (m/s).
 const SPEED_M_PER_S: f32 = 0.003;
+/// How far from the end of its travel a load is brought whose travel does not reach its target (m).
+const FROM_END_M: f32 = 0.5e-3;
 /// How long a load hangs before it is looked at (s): where a move ends, and where somebody has hung another one.
 const REST_S: f64 = 2.0;
 const CHANGED_S: f64 = 5.0;
@@ -159,7 +161,15 @@ fn home(bench: &mut ControlBench) -> Result<(), String> {
     Ok(())
 }
 
+/// Moves to a target (m), or as near to it as the strings can bring this load.
 fn go(bench: &mut ControlBench, target_m: f32) -> Result<(), String> {
+    let asked = Request::Move { target_m, speed_m_per_s: SPEED_M_PER_S, load: LoadChoice::Auto };
+    let target_m = match bench.tick(Some(asked)).reply {
+        Some(Err(Refusal::OutOfRange { parameter: Parameter::Target, min, max, .. })) => {
+            target_m.max(min + FROM_END_M).min(max - FROM_END_M)
+        }
+        _ => target_m,
+    };
     let moved = bench.move_to(target_m, SPEED_M_PER_S, LoadChoice::Auto);
     moved.map(drop).map_err(|why| format!("move to {:.1} mm: {why}", 1e3 * target_m))
 }
@@ -228,6 +238,16 @@ mod tests {
         assert!(
             (stated[1].true_position_m - 0.008).abs() < 0.1e-3 && (stated[3].true_position_m - 0.010).abs() < 0.1e-3
         );
+    }
+
+    /// 1.4 kg cannot be lifted by 10 mm, and so light a load as 0.15 kg cannot be let down to 4 mm.
+    #[test]
+    fn targets_beyond_the_travel_of_the_other_load_are_brought_nearer() {
+        for loads_n in [[1.5, 14.0], [5.0, 1.5]] {
+            let trial = Trial { loads_n, worked_n: None, place_m: 0.008, ..Trial::new(RigPreset::Ideal, 1) };
+            let (stated, why) = trial.run(booted());
+            assert_eq!((stated.len(), why.as_str()), (4, ""), "{loads_n:?}");
+        }
     }
 
     #[test]

@@ -1,8 +1,8 @@
 //! What homing makes of a gap that is not the table's: the least-squares fit of the weighing, to first order.
 //!
 //! The firmware fits the load, a scale of the twist, zero and slope of the LVDT, and the growth of the string radius to the gap
-//! over the twist, with priors (rig-control, `homing/load_estimate.rs`, whose constants these are). It puts a cubic through what
-//! load, scale and zero leave. For a change δG of the gap the fit moves by x = N⁻¹ (Jᵀ W δG + p), with J the derivatives of the
+//! over the twist, with priors (rig-control, `homing/load_estimate.rs`, whose constants these are). After the fit one
+//! scale stands for scale and growth, and a cubic goes through what load, scale and zero leave. For a change δG of the gap the fit moves by x = N⁻¹ (Jᵀ W δG + p), with J the derivatives of the
 //! gap by the unknowns, N = Jᵀ W J + P, and p what a prior is wrong by.
 
 use super::columns::{Column, State};
@@ -28,8 +28,6 @@ pub(super) struct Priors {
 /// The unknowns, in the firmware's order: logarithm of the load, that of the scale, zero (m), slope of the LVDT, exponent by
 /// which the radius grows faster with the twist.
 const UNKNOWNS: usize = load_estimate::UNKNOWNS;
-/// How many of them, from the first, the cubic has no part of.
-const KEPT: usize = 3;
 type Vector = SVector<f64, UNKNOWNS>;
 type Matrix = SMatrix<f64, UNKNOWNS, UNKNOWNS>;
 
@@ -52,6 +50,8 @@ pub(super) struct Homing {
     /// Weight of a state (1/m²).
     weight: f64,
     inverse: Matrix,
+    /// By how much the scale makes good for a growth that is left out.
+    scale_by_growth: f64,
     pub priors: Priors,
 }
 
@@ -94,6 +94,7 @@ impl Homing {
             place: states.iter().map(|s| place(s.twist_rad)).collect(),
             jacobian,
             weight,
+            scale_by_growth: seen[(4, 1)] / seen[(1, 1)],
             // The priors make it regular.
             inverse: (seen + Matrix::from_diagonal(&known)).lu().try_inverse().unwrap_or_default(),
             priors,
@@ -148,7 +149,8 @@ impl Homing {
 
     fn taken(&self, change_m: &[f64], right: Vector) -> Taken {
         let step = self.step(change_m, right);
-        let kept = |j: &Vector| j.fixed_rows::<KEPT>(0).dot(&step.fixed_rows::<KEPT>(0));
+        let scale = step[1] + self.scale_by_growth * step[4];
+        let kept = |j: &Vector| j[0] * step[0] + j[1] * scale + j[2] * step[2];
         let rest: Vec<f64> = change_m.iter().zip(&self.jacobian).map(|(change, j)| change - kept(j)).collect();
         let normal: Matrix4<f64> =
             self.weighed.clone().map(|k| powers(self.place[k]) * powers(self.place[k]).transpose()).sum();

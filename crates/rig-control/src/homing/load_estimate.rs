@@ -111,6 +111,15 @@ struct Unknowns {
 /// Number of unknowns.
 pub const UNKNOWNS: usize = 5;
 
+/// What the last step says of the unknowns besides their values.
+struct Fit {
+    covariance: [[f32; UNKNOWNS]; UNKNOWNS],
+    /// By how much the logarithm of the scale must change to make good, over the sweep, for a growth that is left out.
+    scale_by_growth: f32,
+    /// Rms gap that the fit leaves (m).
+    residual_m: f32,
+}
+
 /// Result of a weighing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Weighed {
@@ -248,6 +257,18 @@ impl LoadEstimate {
         Mechanism { table, twist_scale, curve: GapCurve::constant(offset_m) }
     }
 
+    /// The points of a mechanism at which the gaps of a pair were measured, up and down.
+    ///
+    /// The way up pulls friction more than the load, the way down as much less. The gap is far from straight in the load when
+    /// that is light, so each is asked for by itself.
+    fn modelled(&self, mechanism: &Mechanism<'_>, pair: &Pair) -> [Point; 2] {
+        let Unknowns { load_n, .. } = self.unknowns;
+        [
+            mechanism.at(load_n + self.friction_n, pair.twist_rad + pair.half_twist_rad),
+            below(mechanism, load_n - self.friction_n, pair.twist_rad - pair.half_twist_rad),
+        ]
+    }
+
     fn gauss_newton(&mut self, table: &Table<'_>, last: bool) -> Result<Option<Weighed>, HomingFailure> {
         let m = &table.metadata;
         let uncertainty = &m.uncertainty;
@@ -258,13 +279,9 @@ impl LoadEstimate {
         let mut matrix = [[0.0f32; UNKNOWNS]; UNKNOWNS];
         let mut right = [0.0f32; UNKNOWNS];
         let (mut half_sum, mut half_squares) = (0.0f32, 0.0f32);
-        let mut rest = heapless::Vec::<(f32, f32), USED>::new();
         let mechanism = self.mechanism(*table);
         for pair in self.pairs() {
-            // The way up pulls friction more than the load, the way down as much less. The gap is far from straight
-            // in the load when that is light, so each is asked for by itself.
-            let up = mechanism.at(load_n + self.friction_n, pair.twist_rad + pair.half_twist_rad);
-            let down = below(&mechanism, load_n - self.friction_n, pair.twist_rad - pair.half_twist_rad);
+            let [up, down] = self.modelled(&mechanism, &pair);
             let beside = MM * (pair.gap_m - 0.5 * (up.gap_m + down.gap_m));
             let by_load = 0.5 * (up.dgap_dload_m_per_n + down.dgap_dload_m_per_n);
             let by_twist = 0.5 * (up.dgap_dtwist_m_per_rad + down.dgap_dtwist_m_per_rad);
@@ -282,12 +299,11 @@ impl LoadEstimate {
             }
             half_sum += by_load * (pair.half_gap_m - 0.5 * (up.gap_m - down.gap_m));
             half_squares += by_load * by_load;
-            // There are as many places as bins, so this cannot fail.
-            let _ = rest.push((pair.twist_rad, 1e-3 * beside));
         }
         if n < 0.5 * USED as f32 {
             return Err(HomingFailure::PoorFit);
         }
+        let scale_by_growth = matrix[4][1] / matrix[1][1].max(f32::MIN_POSITIVE);
         let residual_mm = libm::sqrtf(squares / n);
         let gap_error_mm = residual_mm.clamp(MM * MIN_GAP_ERROR_M, MM * LAW_GAP_ERROR_M);
         let weight = INDEPENDENT_BINS / (n * gap_error_mm * gap_error_mm);
@@ -316,7 +332,8 @@ impl LoadEstimate {
         // The table ends at its minimum and maximum load; the step tells how far beyond them the load is.
         let wanted_n = load_n * libm::expf(step[0].clamp(-LARGEST_STEP[0], LARGEST_STEP[0]));
         if last {
-            return self.result(table, wanted_n, &decomposed.inverse(), &rest, 1e-3 * residual_mm).map(Some);
+            let fit = Fit { covariance: decomposed.inverse(), scale_by_growth, residual_m: 1e-3 * residual_mm };
+            return self.result(table, wanted_n, &fit).map(Some);
         }
         let scale_step = step[1].clamp(-LARGEST_STEP[1], LARGEST_STEP[1]);
         self.unknowns = Unknowns {
@@ -331,17 +348,11 @@ impl LoadEstimate {
         Ok(None)
     }
 
-    fn result(
-        &self,
-        table: &Table<'_>,
-        wanted_n: f32,
-        covariance: &[[f32; UNKNOWNS]; UNKNOWNS],
-        rest: &[(f32, f32)],
-        residual_m: f32,
-    ) -> Result<Weighed, HomingFailure> {
+    fn result(&self, table: &Table<'_>, wanted_n: f32, fit: &Fit) -> Result<Weighed, HomingFailure> {
         let m = &table.metadata;
         let uncertainty = &m.uncertainty;
         let Unknowns { load_n, twist_scale, offset_m, slope, growth } = self.unknowns;
+        let Fit { covariance, scale_by_growth, residual_m } = *fit;
         if residual_m > MAX_RESIDUAL_M {
             return Err(HomingFailure::PoorFit);
         }
@@ -368,14 +379,27 @@ impl LoadEstimate {
             return Err(HomingFailure::LoadOutOfRange);
         }
         let unknown = surprise > MAX_SURPRISE && self.given == LoadChoice::Auto;
+        // After homing there is one scale: that which does over the sweep what scale and growth do together.
+        let twist_scale = (twist_scale * (1.0 + scale_by_growth * growth)).clamp(TWIST_SCALE[0], TWIST_SCALE[1]);
+        let mechanism = Mechanism { table: *table, twist_scale, curve: GapCurve::constant(offset_m) };
+        let rest: heapless::Vec<(f32, f32), USED> = self
+            .pairs()
+            .map(|pair| {
+                let [up, down] = self.modelled(&mechanism, &pair);
+                (pair.twist_rad, pair.gap_m - 0.5 * (up.gap_m + down.gap_m))
+            })
+            .collect();
+        let scale_variance =
+            covariance[1][1] + scale_by_growth * (2.0 * covariance[4][1] + scale_by_growth * covariance[4][4]);
+        let both = covariance[2][1] + scale_by_growth * covariance[4][2];
         Ok(Weighed {
             load_n,
             beyond_range: !(m.load_min_n..=m.load_max_n).contains(&wanted_n),
             load_sigma_n: if unknown { load_n } else { load_sigma_n },
             twist_scale,
             friction_n: self.friction_n,
-            curve: curve(rest, offset_m).ok_or(HomingFailure::PoorFit)?,
-            covariance: [covariance[1][1], 1e-3 * covariance[2][1], 1e-6 * covariance[2][2]].map(|c| inflation * c),
+            curve: curve(&rest, offset_m).ok_or(HomingFailure::PoorFit)?,
+            covariance: [scale_variance, 1e-3 * both, 1e-6 * covariance[2][2]].map(|c| inflation * c),
         })
     }
 }

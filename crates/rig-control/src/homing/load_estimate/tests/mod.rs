@@ -293,8 +293,12 @@ fn the_fit_ends_at_the_minimum_and_states_the_inverse_of_its_curvature() {
         }
         let inverse = Cholesky::new(information.map(|row| row.map(|x| x as f32))).expect("positive").inverse();
         let [scale, both, constant] = found.covariance;
-        near(scale, inverse[1][1], 0.02);
-        near(both, 1e-3 * inverse[1][2], 0.02);
+        // The one scale is the fit's and a multiple of the growth.
+        let sum = |a: usize, b: usize| derivatives[a].iter().zip(&derivatives[b]).map(|(a, b)| a * b).sum::<f64>();
+        let of_growth = (sum(1, 4) / sum(1, 1)) as f32;
+        near(found.twist_scale, twist_scale * (1.0 + of_growth * growth), 1e-3);
+        near(scale, inverse[1][1] + of_growth * (2.0 * inverse[1][4] + of_growth * inverse[4][4]), 0.02);
+        near(both, 1e-3 * (inverse[1][2] + of_growth * inverse[2][4]), 0.02);
         near(constant, 1e-6 * inverse[2][2], 0.02);
         let shape = if given == LoadChoice::Auto { uncertainty.load_shape } else { 0.0 };
         near(found.load_sigma_n, load_n * libm::sqrtf(inverse[0][0] + shape * shape), 0.02);
@@ -324,15 +328,18 @@ fn half_of_the_bins_are_enough() {
     assert!(until(4.0 + 12.0).is_ok());
 }
 
-/// The result of unknowns and a covariance, with a rest that is straight.
+/// The result of unknowns and a covariance, on sweeps that the table makes.
 fn result(unknowns: Unknowns, given: LoadChoice, wanted_n: f32, residual_m: f32) -> Result<Weighed, HomingFailure> {
-    let mut load_estimate = LoadEstimate::new(1.0, given);
-    (load_estimate.unknowns, load_estimate.friction_n) = (unknowns, 0.1);
-    load_estimate.slope_error = RIG.lvdt_slope_error();
     let mut covariance = [[0.0; UNKNOWNS]; UNKNOWNS];
     (covariance[0][0], covariance[1][1], covariance[2][1], covariance[2][2]) = (1e-4, 4e-6, 5e-4, 9e-2);
-    let rest: [(f32, f32); 8] = core::array::from_fn(|k| (4.0 + k as f32, 0.0));
-    load_estimate.result(table(), wanted_n, &covariance, &rest, residual_m)
+    let fit = Fit { covariance, scale_by_growth: 0.0, residual_m };
+    ended(unknowns, given).result(table(), wanted_n, &fit)
+}
+
+/// At the last step.
+fn ended(unknowns: Unknowns, given: LoadChoice) -> LoadEstimate {
+    let recorded = SWEPT.recorded(given, 1.0);
+    LoadEstimate { unknowns, friction_n: 0.1, slope_error: RIG.lvdt_slope_error(), ..recorded }
 }
 
 const EXPECTED: Unknowns = Unknowns { load_n: 5.0, twist_scale: 1.0, offset_m: 0.0, slope: 0.0, growth: 0.0 };
@@ -359,7 +366,6 @@ fn a_surprise_makes_everything_less_certain() {
         near(both, 5e-7, 1e-3);
         near(constant, 9e-8, 1e-3);
         assert_eq!((found.load_n, found.friction_n, found.twist_scale), (5.0, 0.1, unknowns.twist_scale));
-        near(1.0 + found.curve.at(7.0).0, 1.0 + unknowns.offset_m, 1e-6);
         // A weight that was given has no error of how the radius depends on the load.
         let given = result(unknowns, LoadChoice::Known(5.0), 5.0, residual_m).expect("a load");
         near(given.load_sigma_n, 5.0 * libm::sqrtf(inflation * 1e-4), 1e-3);
@@ -376,6 +382,25 @@ fn a_surprise_that_is_too_large_leaves_the_load_unknown() {
         assert_eq!(found(LoadChoice::Auto) == 5.0, contradicts, "{sigmas}");
         assert!(found(LoadChoice::Known(5.0)) < 0.1, "{sigmas}");
     }
+}
+
+/// The scale makes good for a growth that is left out: what is left of the gap and the covariance follow.
+#[test]
+fn one_scale_stands_for_scale_and_growth() {
+    let mut covariance = [[0.0; UNKNOWNS]; UNKNOWNS];
+    (covariance[1][1], covariance[4][1], covariance[4][4]) = (4e-4, -1e-4, 9e-4);
+    (covariance[2][1], covariance[4][2], covariance[2][2]) = (5e-4, 2e-4, 9e-2);
+    let fit = Fit { covariance, scale_by_growth: 2.0, residual_m: 0.0 };
+    let found = ended(Unknowns { growth: -0.02, ..EXPECTED }, LoadChoice::Auto).result(table(), 5.0, &fit);
+    let found = found.expect("a load");
+    near(found.twist_scale, 1.0 - 2.0 * 0.02, 1e-6);
+    let mechanism = Mechanism { table: *table(), twist_scale: found.twist_scale, curve: found.curve };
+    for twist_rad in [10.0, 20.0, 30.0] {
+        near(mechanism.at(5.0, twist_rad).gap_m, SWEPT.gap_m(5.0, twist_rad), 1e-4);
+    }
+    // (1, 2) C (1, 2)ᵀ and (1, 2) C (0, 1)ᵀ with millimetres.
+    near(found.covariance[0], 4e-4 - 4.0 * 1e-4 + 4.0 * 9e-4, 1e-4);
+    near(found.covariance[1], 1e-3 * (5e-4 + 2.0 * 2e-4), 1e-4);
 }
 
 #[test]
