@@ -46,8 +46,9 @@ pub struct Lvdt {
     rate_per_s: f64,
     gain: f64,
     filtered_m: f64,
-    /// What the curve adds there, m.
-    curve_m: f64,
+    /// What the converter shows without noise, and its noise, as fractions of its range.
+    shown: f64,
+    noise: f64,
     drift: Drift,
     drift_m: f64,
     drift_noise: Pcg64Mcg,
@@ -63,7 +64,7 @@ impl Lvdt {
     pub fn new(parameters: &RigConfig, settings: &PlantSettings, gap_m: f64, seed: u64) -> Self {
         let mut drift_noise = Pcg64Mcg::seed_from_u64(seed);
         let curve_phase_rad = TAU * f64::from(drift_noise.next_u32()) / f64::from(u32::MAX);
-        Self {
+        let mut lvdt = Self {
             drift: Drift::default(),
             drift_m: 0.0,
             drift_noise,
@@ -75,21 +76,39 @@ impl Lvdt {
             rate_per_s: TAU * BANDWIDTH_HZ,
             gain: 1.0 + settings.lvdt_gain_error,
             filtered_m: gap_m,
-            curve_m: 0.0,
+            shown: 0.0,
+            noise: 0.0,
             last_code: 0,
             faults: LvdtFaults::default(),
-        }
+        };
+        lvdt.show(0.0, settings);
+        lvdt
     }
 
-    /// One step of `h` seconds; exact for a gap that stays where it is.
-    pub fn step(&mut self, h: f64, gap_m: f64, settings: &PlantSettings) {
+    /// One step of `h` seconds to `t_s`; exact for a gap that stays where it is.
+    pub fn step(&mut self, h: f64, t_s: f64, gap_m: f64, settings: &PlantSettings) {
         self.filtered_m += (gap_m - self.filtered_m) * -(-h * self.rate_per_s).exp_m1();
-        self.curve_m = self.curve_m(self.filtered_m, settings);
         if settings.lvdt_noise_inband_m > 0.0 {
             self.drift_m = self.drift.step(h, settings.lvdt_noise_inband_m, &mut self.drift_noise);
         } else {
             self.drift_m = 0.0;
         }
+        self.show(t_s, settings);
+    }
+
+    /// What all samples until the next step have in common: the gap with the sensor's curve, offset, hum and drift, and the
+    /// converter's error, which goes once up and down over its range (`adc_inl` codes at a quarter and at three quarters).
+    fn show(&mut self, t_s: f64, settings: &PlantSettings) {
+        let hum_m = settings.hum_m * (TAU * MAINS_HZ * t_s).sin();
+        let errors_m = settings.lvdt_offset_m + hum_m + self.curve_m(self.filtered_m, settings) + self.drift_m;
+        let gain = self.gain * (1.0 + LVDT_GAIN_PER_K * settings.temperature_k) / self.stroke_m;
+        let fraction = (self.filtered_m + errors_m - self.gap_at_zero_m) * gain;
+        let fraction = if self.faults.reversed { 1.0 - fraction } else { fraction };
+        let span = self.volts[1] - self.volts[0];
+        let fraction = (self.volts[0] + fraction * span) / self.reference_v;
+        self.shown = fraction + settings.adc_inl / CODES * (TAU * fraction).sin();
+        let fault_noise_m = if self.faults.noisy { FAULT_NOISE_M } else { 0.0 };
+        self.noise = settings.lvdt_noise_m.hypot(fault_noise_m) * gain * span / self.reference_v;
     }
 
     /// What its curve adds at a gap, m: one sine over the stroke.
@@ -101,21 +120,11 @@ impl Lvdt {
         settings.lvdt_nonlinearity * self.stroke_m * (TAU * fraction + self.curve_phase_rad).sin()
     }
 
-    /// One sample at `t_s`: the gap with the sensor's curve, offset, noise, hum and drift of the gain, and the converter's error, which goes once up and down
-    /// over its range (`adc_inl` codes at a quarter and at three quarters).
-    pub fn sample(&mut self, t_s: f64, settings: &PlantSettings, noise: &mut Pcg64Mcg) -> u16 {
-        let fault_noise = if self.faults.noisy { FAULT_NOISE_M } else { 0.0 };
+    /// One sample, with noise.
+    pub fn sample(&mut self, noise: &mut Pcg64Mcg) -> u16 {
         // Drawn for each sample, also during a fault: a fault does not change the noise that follows it.
         let normal: f64 = StandardNormal.sample(noise);
-        let hum_m = settings.hum_m * (TAU * MAINS_HZ * t_s).sin();
-        let errors_m = hum_m + self.curve_m + self.drift_m;
-        let gap_m =
-            self.filtered_m + settings.lvdt_offset_m + errors_m + normal * settings.lvdt_noise_m.hypot(fault_noise);
-        let gain = self.gain * (1.0 + LVDT_GAIN_PER_K * settings.temperature_k);
-        let fraction = (gap_m - self.gap_at_zero_m) / self.stroke_m * gain;
-        let fraction = if self.faults.reversed { 1.0 - fraction } else { fraction };
-        let fraction = (self.volts[0] + fraction * (self.volts[1] - self.volts[0])) / self.reference_v;
-        let code = volts_to_code(fraction + settings.adc_inl / CODES * (TAU * fraction).sin(), 1.0);
+        let code = volts_to_code(self.shown + normal * self.noise, 1.0);
         match self.faults {
             LvdtFaults { open: true, .. } => 0,
             LvdtFaults { short: true, .. } => 4095,
@@ -133,7 +142,8 @@ const CODES: f64 = 4096.0;
 
 /// The code of a 12-bit converter for a voltage.
 pub fn volts_to_code(volts: f64, reference_v: f64) -> u16 {
-    (volts / reference_v * CODES).floor().clamp(0.0, 4095.0) as u16
+    // Rounded down: what is negative becomes 0 first.
+    (volts / reference_v * CODES).clamp(0.0, 4095.0) as u16
 }
 
 /// Noise of the LVDT inside its band: it wanders slower than a block of samples, so that averaging leaves it. A first-order
@@ -168,7 +178,7 @@ mod tests {
         let settings = PlantSettings { lvdt_noise_m: 500e-6, ..PlantSettings::default() };
         let (mut lvdt, mut noise) = lvdt(&settings);
         let metres = |code: u16| (f64::from(code) + 0.5) / 4096.0 * 3.3 / 3.0 * 0.2;
-        let samples: Vec<f64> = (0..20_000).map(|_| metres(lvdt.sample(0.0, &settings, &mut noise))).collect();
+        let samples: Vec<f64> = (0..20_000).map(|_| metres(lvdt.sample(&mut noise))).collect();
         let mean = samples.iter().sum::<f64>() / samples.len() as f64;
         let rms = (samples.iter().map(|s| (s - mean).powi(2)).sum::<f64>() / samples.len() as f64).sqrt();
         assert!((mean - 0.1).abs() < 15e-6, "{mean}");
@@ -184,7 +194,8 @@ mod tests {
         for k in 0..40 {
             let t_s = f64::from(k) * 1e-3;
             let wanted = middle + 1e-3 / code_m * (TAU * 50.0 * t_s).sin();
-            let code = f64::from(lvdt.sample(t_s, &settings, &mut noise));
+            lvdt.step(2.5e-4, t_s, 0.1, &settings);
+            let code = f64::from(lvdt.sample(&mut noise));
             assert!((code + 0.5 - wanted).abs() <= 0.501, "{code} at {t_s}, not {wanted}");
         }
     }
@@ -196,7 +207,8 @@ mod tests {
         for (fraction, codes) in [(0.0, 0.0), (0.25, 3.0), (0.5, 0.0), (0.75, -3.0), (1.0 / 12.0, 1.5)] {
             // Slightly more, so that the edge of a code is passed.
             lvdt.filtered_m = (fraction + 1e-5) * 3.3 / 3.0 * 0.2;
-            let code = f64::from(lvdt.sample(0.0, &settings, &mut noise));
+            lvdt.step(2.5e-4, 0.0, lvdt.filtered_m, &settings);
+            let code = f64::from(lvdt.sample(&mut noise));
             assert_eq!(code, (fraction * 4096.0 + 0.05 + codes).floor(), "at {fraction}");
         }
     }
@@ -222,12 +234,12 @@ mod tests {
     fn warmth_changes_the_gain_and_noise_inside_the_band_stays() {
         let warm = PlantSettings { lvdt_noise_m: 0.0, temperature_k: 10.0, ..PlantSettings::default() };
         let (mut lvdt, mut noise) = lvdt(&warm);
-        let code = f64::from(lvdt.sample(0.0, &warm, &mut noise)) + 0.5;
+        let code = f64::from(lvdt.sample(&mut noise)) + 0.5;
         let wanted = 0.1 * 1.002 / 0.2 * 3.0 / 3.3 * 4096.0;
         assert!((code - wanted).abs() <= 0.501, "{code} and {wanted}");
         let noisy = PlantSettings { lvdt_noise_m: 0.0, lvdt_noise_inband_m: 1e-3, ..PlantSettings::default() };
         let (mut lvdt, _) = self::lvdt(&noisy);
-        lvdt.step(2.5e-4, 0.1, &noisy);
+        lvdt.step(2.5e-4, 0.0, 0.1, &noisy);
         assert!(lvdt.drift_m != 0.0 && lvdt.drift_m == 1e-3 * lvdt.drift.normal, "{}", lvdt.drift_m);
     }
 
@@ -236,7 +248,7 @@ mod tests {
         let settings = PlantSettings { lvdt_noise_m: 0.0, ..PlantSettings::default() };
         let (mut lvdt, _) = lvdt(&settings);
         for _ in 0..4 {
-            lvdt.step(2.5e-4, 0.11, &settings);
+            lvdt.step(2.5e-4, 0.0, 0.11, &settings);
         }
         let expected = 0.11 - 0.01 * (-TAU * 200.0 * 1e-3_f64).exp();
         assert!((lvdt.filtered_m - expected).abs() < 1e-12);
@@ -246,14 +258,14 @@ mod tests {
     fn faults() {
         let settings = PlantSettings::default();
         let (mut lvdt, mut noise) = lvdt(&settings);
-        lvdt.sample(0.0, &settings, &mut noise);
+        lvdt.sample(&mut noise);
         lvdt.faults.frozen = true;
-        let frozen = lvdt.sample(0.0, &settings, &mut noise);
-        assert!((0..100).all(|_| lvdt.sample(0.0, &settings, &mut noise) == frozen));
+        let frozen = lvdt.sample(&mut noise);
+        assert!((0..100).all(|_| lvdt.sample(&mut noise) == frozen));
         lvdt.faults.open = true;
-        assert_eq!(lvdt.sample(0.0, &settings, &mut noise), 0);
+        assert_eq!(lvdt.sample(&mut noise), 0);
         lvdt.faults = LvdtFaults { short: true, ..LvdtFaults::default() };
-        assert_eq!(lvdt.sample(0.0, &settings, &mut noise), 4095);
+        assert_eq!(lvdt.sample(&mut noise), 4095);
         assert_eq!(volts_to_code(-1.0, 3.3), 0);
         assert_eq!(volts_to_code(9.0, 3.3), 4095);
     }

@@ -407,8 +407,8 @@ impl EmulatedRig {
         }
         let twist_rad = self.twist_rad();
         self.plant.step(STEP_S, twist_rad);
-        self.lvdt.step(STEP_S, self.plant.gap_m(), &self.settings);
         self.steps += 1;
+        self.lvdt.step(STEP_S, self.now_s(), self.plant.gap_m(), &self.settings);
         if self.steps.is_multiple_of(STEPS_PER_TICK) {
             self.tick();
         }

@@ -82,6 +82,7 @@ struct Grid {
 pub struct Surface {
     u_min: f64,
     u_step: f64,
+    max_load_n: f64,
     /// Last twist with an equilibrium and its slope by u, at each load of the grid.
     ends: Vec<(f64, f64)>,
     /// Twist at which the strings lie side by side and the motor meets a wall, at each load of the grid.
@@ -122,12 +123,13 @@ impl Surface {
             let along = loads[i] * point.by_load_m_per_n + point.by_twist_m_per_rad * x * end_by_u;
             Ok((point.gap_m, (end - PI) * point.by_twist_m_per_rad, along))
         })?;
-        Ok(Self { u_min, u_step, ends, hard_stops, open, twisted })
+        let max_load_n = (u_min + u_step * LOAD_CELLS as f64).exp();
+        Ok(Self { u_min, u_step, max_load_n, ends, hard_stops, open, twisted })
     }
 
     /// Maximum load of the surface, N.
     pub fn max_load_n(&self) -> f64 {
-        (self.u_min + self.u_step * LOAD_CELLS as f64).exp()
+        self.max_load_n
     }
 
     /// Last twist with an equilibrium at a load, rad.
@@ -143,7 +145,7 @@ impl Surface {
 
     /// Gap and slopes at a twist of either sign and a load within the surface (clamped to it).
     pub fn gap(&self, twist_rad: f64, load_n: f64) -> GapPoint {
-        let load_n = load_n.clamp(SLACK_LOAD_N, self.max_load_n());
+        let load_n = load_n.clamp(SLACK_LOAD_N, self.max_load_n);
         let u = self.u(load_n);
         let twist = twist_rad.abs();
         let sign = if twist_rad < 0.0 { -1.0 } else { 1.0 };
@@ -164,30 +166,11 @@ impl Surface {
 
     /// The inverse: the force at a twist and a gap. `near_n` is a guess, the force a step ago.
     pub fn pull(&self, twist_rad: f64, gap_m: f64, near_n: f64) -> Pull {
-        let min = self.gap(twist_rad, SLACK_LOAD_N);
-        if gap_m <= min.gap_m {
-            // Slack: falls to zero over as much gap as its slope at 0.3 N asks for.
-            let stiffness = 1.0 / min.by_load_m_per_n;
-            let force_n = SLACK_LOAD_N - (min.gap_m - gap_m) * stiffness;
-            if force_n <= 0.0 {
-                return Pull { by_twist_m_per_rad: min.by_twist_m_per_rad, ..Pull::default() };
-            }
-            return Pull { force_n, stiffness_n_per_m: stiffness, by_twist_m_per_rad: min.by_twist_m_per_rad };
-        }
-        let max_load_n = self.max_load_n();
-        let max = self.gap(twist_rad, max_load_n);
-        if gap_m >= max.gap_m {
-            let stiffness = 1.0 / max.by_load_m_per_n;
-            return Pull {
-                force_n: max_load_n + (gap_m - max.gap_m) * stiffness,
-                stiffness_n_per_m: stiffness,
-                by_twist_m_per_rad: max.by_twist_m_per_rad,
-            };
-        }
         // Newton in ln F inside a bracket that shrinks: the gap rises with the load.
-        let (mut low, mut high) = (self.u_min, max_load_n.ln());
-        let mut u = near_n.clamp(SLACK_LOAD_N, max_load_n).ln();
+        let (mut low, mut high) = (self.u_min, self.max_load_n.ln());
+        let mut u = near_n.clamp(SLACK_LOAD_N, self.max_load_n).ln();
         let mut point = self.gap(twist_rad, u.exp());
+        let mut is_inside = false;
         for _ in 0..60 {
             let miss = point.gap_m - gap_m;
             if miss.abs() < 1e-12 {
@@ -199,7 +182,15 @@ impl Surface {
                 low = u
             }
             let newton = u - miss / (point.by_load_m_per_n * u.exp());
-            u = if newton > low && newton < high { newton } else { 0.5 * (low + high) };
+            u = if newton > low && newton < high {
+                newton
+            } else {
+                if !is_inside && let Some(pull) = self.pull_outside(twist_rad, gap_m) {
+                    return pull;
+                }
+                is_inside = true;
+                0.5 * (low + high)
+            };
             point = self.gap(twist_rad, u.exp());
         }
         Pull {
@@ -209,8 +200,29 @@ impl Surface {
         }
     }
 
+    /// The force at a gap that no load of the surface has.
+    fn pull_outside(&self, twist_rad: f64, gap_m: f64) -> Option<Pull> {
+        let min = self.gap(twist_rad, SLACK_LOAD_N);
+        if gap_m <= min.gap_m {
+            // Slack: falls to zero over as much gap as its slope at 0.3 N asks for.
+            let stiffness = 1.0 / min.by_load_m_per_n;
+            let force_n = SLACK_LOAD_N - (min.gap_m - gap_m) * stiffness;
+            if force_n <= 0.0 {
+                return Some(Pull { by_twist_m_per_rad: min.by_twist_m_per_rad, ..Pull::default() });
+            }
+            return Some(Pull { force_n, stiffness_n_per_m: stiffness, by_twist_m_per_rad: min.by_twist_m_per_rad });
+        }
+        let max = self.gap(twist_rad, self.max_load_n);
+        let stiffness = 1.0 / max.by_load_m_per_n;
+        (gap_m >= max.gap_m).then(|| Pull {
+            force_n: self.max_load_n + (gap_m - max.gap_m) * stiffness,
+            stiffness_n_per_m: stiffness,
+            by_twist_m_per_rad: max.by_twist_m_per_rad,
+        })
+    }
+
     fn u(&self, load_n: f64) -> f64 {
-        load_n.clamp(SLACK_LOAD_N, self.max_load_n()).ln()
+        load_n.clamp(SLACK_LOAD_N, self.max_load_n).ln()
     }
 
     fn cell(&self, u: f64) -> (usize, f64) {

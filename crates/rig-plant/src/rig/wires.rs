@@ -76,7 +76,7 @@ impl Board for EmulatedRig {
         self.advance(t_s);
         let reference_v = self.parameters.adc_reference_v;
         match channel {
-            0 => self.lvdt.sample(t_s, &self.settings, &mut self.noise),
+            0 => self.lvdt.sample(&mut self.noise),
             1 => volts_to_code(EXCITATION_V, reference_v),
             17 => volts_to_code(VREFINT_V, reference_v),
             _ => 0,
