@@ -31,8 +31,6 @@ pub(super) struct State {
     pub by_stress: f64,
     /// Strain of the rods at the clamp.
     pub strain: f64,
-    /// Torque of the strings (N m).
-    pub torque_nm: f64,
 }
 
 impl State {
@@ -138,7 +136,6 @@ impl Solver {
             // Rods that do not bend have no stress.
             by_stress: if stress_pa > 0.0 { found.gap_m.by[0] / stress_pa } else { 0.0 },
             strain,
-            torque_nm: found.torque_nm.value(),
         })
     }
 }

@@ -9,7 +9,7 @@ use super::homing::Priors;
 use super::{Part, RigErrors, SESSION_S, SPEED_M_PER_S};
 use rig_config::Scene;
 use rig_control::TICK_S;
-use rig_control::homing::{LOAD_SPEED, LOAD_TURNS, SWEEP_HALF, SWEEP_SPEED, load_estimate};
+use rig_control::homing::LOAD_SPEED;
 use rig_control::limits::rise_s;
 use rig_control::position_loop::BANDWIDTH_PER_S;
 use rig_control::rest::{AT_REST_M, AT_REST_NOISES, JUMP_FRACTION};
@@ -146,37 +146,11 @@ impl Effects<'_> {
         vec![rods, creep, bedding, play]
     }
 
-    /// Standard error of the load by the motor's work, relative, as the fit takes it; and what the work really is wrong by.
-    pub fn work(&self) -> [f64; 2] {
-        let column = &self.column.0;
-        let load_n = column[0].load_n;
-        let motor = &self.scene.rig;
-        let [first, last] = [&column[0], &column[column.len() - 1]];
-        let per_ampere = motor.motor_torque_constant_nm_per_a * motor.gear();
-        let newton_per_ampere = per_ampere * (last.twist_rad - first.twist_rad) / (first.gap_m - last.gap_m);
-        let noise = self.size(PlantKey::CurrentNoise).powi(2) + self.size(PlantKey::CurrentQuantum).powi(2) / 12.0;
-        let edges = 2.0 * load_estimate::END_BINS as f64 / load_estimate::BINS as f64;
-        let sweep_rad = TAU * f64::from(LOAD_TURNS) * (1.0 - edges);
-        let speed = f64::from(0.5 * (LOAD_SPEED[0] + LOAD_SPEED[1]));
-        let readings = [sweep_rad / speed, f64::from(2.0 * SWEEP_HALF / SWEEP_SPEED)].map(|s| s / f64::from(TICK_S));
-        // Both ways of the sweep, and both ways across zero twist.
-        let noise_n = (readings.map(|n| 0.5 * noise / n).iter().sum::<f64>()).sqrt() * newton_per_ampere;
-        let torque_nm = column.iter().map(|s| s.torque_nm).sum::<f64>() / column.len() as f64;
-        let loss = self.size(PlantKey::GearEfficiency);
-        let friction_nm = self.size(PlantKey::MotorFriction) + loss / (1.0 - loss) * torque_nm / motor.gear();
-        let left_n = f64::from(load_estimate::FRICTION_LEFT) * friction_nm / motor.motor_torque_constant_nm_per_a
-            * newton_per_ampere;
-        let constant_n = f64::from(load_estimate::TORQUE_ERROR) * load_n;
-        let truly_n = (noise_n.powi(2) + (self.size(PlantKey::TorqueConstantScale) * load_n).powi(2)).sqrt();
-        let counted_n = (noise_n.powi(2) + left_n.powi(2) + constant_n.powi(2)).sqrt();
-        [counted_n / load_n, truly_n / load_n]
-    }
-
     /// Standard errors of what homing takes from elsewhere.
     pub fn priors(&self) -> Priors {
         let known = &self.scene.uncertainty;
         let slope = f64::from(self.scene.constants().lvdt_slope_error());
-        Priors { radius: known.radius, zero_m: known.gap_zero_m, work: self.work()[0], slope }
+        Priors { radius: known.radius, zero_m: known.gap_zero_m, slope }
     }
 
     /// Every error that is no change of the gap.

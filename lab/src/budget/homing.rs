@@ -19,8 +19,6 @@ pub(super) struct Priors {
     pub radius: f64,
     /// Of the LVDT's zero (m).
     pub zero_m: f64,
-    /// Of the load by the motor's work, relative.
-    pub work: f64,
     /// Of the LVDT's slope.
     pub slope: f64,
 }
@@ -32,9 +30,9 @@ type Vector = SVector<f64, UNKNOWNS>;
 type Matrix = SMatrix<f64, UNKNOWNS, UNKNOWNS>;
 
 impl Priors {
-    /// In the order of the unknowns.
+    /// In the order of the unknowns; nothing else says the load.
     fn sigmas(&self) -> Vector {
-        Vector::from([self.work, self.radius, self.zero_m, self.slope, self.radius])
+        Vector::from([f64::INFINITY, self.radius, self.zero_m, self.slope, self.radius])
     }
 }
 
@@ -114,11 +112,6 @@ impl Homing {
         self.taken(&vec![0.0; self.place.len()], right)
     }
 
-    /// Work that gives the load wrong by a fraction of it.
-    pub fn work(&self, fraction: f64) -> f64 {
-        self.inverse[(0, 0)] * fraction / (self.priors.work * self.priors.work)
-    }
-
     /// Relative error of the load for gaps that are wrong by 1 m rms, in as many independent stretches as the fit counts on.
     pub fn load_of_stretches(&self) -> f64 {
         let count = load_estimate::INDEPENDENT_BINS as usize;
@@ -173,7 +166,7 @@ mod tests {
 
     fn homing() -> (Column, Homing) {
         let column = Column::all(&scene()).unwrap().swap_remove(4);
-        let homing = Homing::new(&column, 0.1e-3, Priors { radius: 0.03, zero_m: 0.5e-3, slope: 0.0074, work: 0.5 });
+        let homing = Homing::new(&column, 0.1e-3, Priors { radius: 0.03, zero_m: 0.5e-3, slope: 0.0074 });
         (column, homing)
     }
 
@@ -181,8 +174,8 @@ mod tests {
     #[test]
     fn another_load_is_found_and_leaves_nothing() {
         let (column, _) = homing();
-        let open = Priors { radius: 0.5, zero_m: 0.5, slope: 0.1, work: 1e3 };
-        let sure = Homing::new(&column, 0.0, Priors { radius: 1e-6, zero_m: 1e-6, slope: 1e-6, work: 1e3 });
+        let open = Priors { radius: 0.5, zero_m: 0.5, slope: 0.1 };
+        let sure = Homing::new(&column, 0.0, Priors { radius: 1e-6, zero_m: 1e-6, slope: 1e-6 });
         for homing in [Homing::new(&column, 0.0, open), sure] {
             let taken = homing.gap(&column.each(|s| 0.01 * s.load_n * s.by_load));
             assert!((taken.load / 0.01 - 1.0).abs() < 0.02, "{}", taken.load);
@@ -210,13 +203,5 @@ mod tests {
         let by_gap = homing.gap(&column.each(|s| -0.03 * s.by_twist * s.twist_rad)).load;
         // The fit that takes the strings for thicker by all of it would need no other load at all.
         assert!((by_prior - by_gap).abs() < 1e-9 * by_prior.abs() + 1e-12, "{by_prior} {by_gap}");
-    }
-
-    #[test]
-    fn work_counts_by_its_error() {
-        let (column, homing) = homing();
-        let sure = Homing::new(&column, 0.1e-3, Priors { work: 1e-4, ..homing.priors });
-        assert!((sure.work(0.05) - 0.05).abs() < 1e-5 && homing.work(0.05) < 0.01);
-        assert!((homing.prior(0).load - homing.work(0.5)).abs() < 1e-12);
     }
 }

@@ -254,7 +254,7 @@ impl Under {
         let mut under = Self { column, homing, parts: std::array::from_fn(|_| none.clone()) };
         gaps.iter().for_each(|effect| under.add_gap(effect));
         effects.direct().iter().for_each(|direct| under.add(direct));
-        // The constants' own uncertainty: scale and growth of the radius, and zero; and what the motor's work is wrong by.
+        // The constants' own uncertainty: scale and growth of the radius, and zero.
         for prior in [1, 2, 4] {
             let taken = under.homing.prior(prior);
             under.add_taken(Part::Law, &taken, &vec![0.0; under.column.0.len()], None);
@@ -262,9 +262,6 @@ impl Under {
         // How the radius depends on the load, which the scale of the twist cannot take up.
         let shape = under.column.each(|_| effects.scene.uncertainty.load_shape);
         under.add(&Direct { part: Part::Law, position_m: under.column.each(|_| 0.0), load: shape });
-        let by_work = under.homing.work(effects.work()[1]);
-        let load = under.column.each(|_| by_work);
-        under.add(&Direct { part: Part::Friction, position_m: under.column.each(|_| 0.0), load });
         under
     }
 

@@ -1,10 +1,9 @@
-//! Load, string radius and the LVDT's zero, each with its error, from how the gap shrinks with twist and what current
-//! that takes.
+//! Load, string radius and the LVDT's zero, each with its error, from how the gap shrinks with twist.
 //!
 //! The gap's curve over the twist alone cannot tell a heavier load from a thinner string or from another zero of the
-//! LVDT. So the fit has four sources, each weighted by its own error: the curve, by the residual that it leaves on this very
-//! rig; what the scene says of string radius and LVDT, by the scene's uncertainty; the motor's work, by the noise of the current as it
-//! was measured; and the operator's weight, if one was given. Two errors that no rig is without are unknowns of the fit, or they
+//! LVDT. So the fit has three sources, each weighted by its own error: the curve, by the residual that it leaves on this very
+//! rig; what the scene says of string radius and LVDT, by the scene's uncertainty; and the operator's weight, if one was given.
+//! The motor's current is no source: friction of motor and gear is several times what the load adds. Two errors that no rig is without are unknowns of the fit, or they
 //! would be taken for another load: a slope of the LVDT, and a radius that grows faster or slower with the twist than the
 //! table's. Friction is half of what the ways up and down differ by. One
 //! Gauss–Newton step is taken in each tick. The inverse of the last step's matrix is the covariance of the result.
@@ -33,10 +32,6 @@ pub const MIN_GAP_ERROR_M: f32 = 5e-6;
 /// Maximum error of a bin's gap (m) that the fit takes for the law's own: the radius laws of docs/explanation/model.md
 /// 6 differ by less.
 pub const LAW_GAP_ERROR_M: f32 = 0.2e-3;
-/// Standard error of motor constant and gear together: data sheets allow 5 to 10 %.
-pub const TORQUE_ERROR: f32 = 0.05;
-/// Fraction of the motor's friction that may not cancel between the two ways, since it varies with speed and torque.
-pub const FRICTION_LEFT: f32 = 0.02;
 /// Rms gap (m) left by the fit beyond which neither strings nor LVDT are of the scene's kind: ten times what the laws that
 /// fit the paper's numbers differ by.
 const MAX_RESIDUAL_M: f32 = 2e-3;
@@ -49,40 +44,6 @@ const GIVEN_ERROR: f32 = 0.005;
 const LARGEST_STEP: [f32; 2] = [0.7, 0.05];
 /// Millimetres in a metre: the fit counts gaps in millimetres, so that its matrix is well scaled in f32.
 const MM: f32 = 1e3;
-
-/// Mean and spread of a current (A).
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Current {
-    sum: f32,
-    squares: f32,
-    count: f32,
-}
-
-impl Current {
-    pub(super) const NONE: Self = Self { sum: 0.0, squares: 0.0, count: 0.0 };
-
-    pub(super) fn add(&mut self, current_a: f32) {
-        self.sum += current_a;
-        self.squares += current_a * current_a;
-        self.count += 1.0;
-    }
-
-    fn mean_a(&self) -> f32 {
-        self.sum / self.count.max(1.0)
-    }
-
-    /// Variance of the mean (A²), of readings that are independent.
-    fn variance_a2(&self) -> f32 {
-        let count = self.count.max(1.0);
-        (self.squares / count - self.mean_a() * self.mean_a()).max(0.0) / count
-    }
-}
-
-/// The same weight of both ways: mean (A), half the difference (A), and the variance of the mean (A²).
-fn both_ways([up, down]: &[Current; 2]) -> Option<(f32, f32, f32)> {
-    let (mean_a, half_a) = (0.5 * (up.mean_a() + down.mean_a()), 0.5 * (up.mean_a() - down.mean_a()));
-    (up.count > 0.0 && down.count > 0.0).then(|| (mean_a, half_a, 0.25 * (up.variance_a2() + down.variance_a2())))
-}
 
 /// A bin's means over both directions, each counting the same so that friction cancels, and half the differences up
 /// less down.
@@ -135,25 +96,13 @@ pub(super) struct Weighed {
     pub covariance: [f32; 3],
 }
 
-/// A load that something else says (N), and its standard error.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Weight {
-    load_n: f32,
-    sigma_n: f32,
-}
-
 /// The weighing.
 #[derive(Clone, Debug)]
 pub(super) struct LoadEstimate {
     pub(super) sweeps: Sweeps<BINS>,
     unknowns: Unknowns,
     friction_n: f32,
-    /// Currents of both ways over the bins that are used.
-    currents: [Current; 2],
-    /// Mean current of a sweep to both sides of zero twist (A), in which the load's share cancels, and its variance (A²).
-    zero_current: (f32, f32),
     given: LoadChoice,
-    by_work: Option<Weight>,
     /// Mean gap of the sweep (m), and the standard error of the LVDT's slope.
     middle_m: f32,
     slope_error: f32,
@@ -171,33 +120,23 @@ impl LoadEstimate {
             middle_m: 0.0,
             slope_error: 0.0,
             friction_n: 0.0,
-            currents: [Current::NONE; 2],
-            zero_current: (0.0, 0.0),
             given,
-            by_work: None,
             expected_scale,
             steps: 0,
         }
     }
 
-    /// `fraction` of the sweep travelled, 0 to 1; the current is positive towards more twist.
-    pub(super) fn record(&mut self, fraction: f32, twist_rad: f32, gap_m: f32, current_a: f32) {
+    /// `fraction` of the sweep travelled, 0 to 1.
+    pub(super) fn record(&mut self, fraction: f32, twist_rad: f32, gap_m: f32) {
         let place = fraction * BINS as f32;
         if fraction <= 1.0 {
             self.sweeps.record(place, twist_rad, gap_m);
         }
-        if let (true, Some(current)) =
-            ((END_BINS..BINS - END_BINS).contains(&(place as usize)), self.currents.get_mut(self.sweeps.pass))
-        {
-            current.add(current_a);
-        }
     }
 
-    /// Begins in the (geometric) middle of the table's range. `zero_currents` are those of the sweeps across zero twist.
-    pub(super) fn begin_fit(&mut self, table: &Table<'_>, rig: &RigConstants, zero_currents: &[Current; 2]) {
+    /// Begins in the (geometric) middle of the table's range.
+    pub(super) fn begin_fit(&mut self, table: &Table<'_>, rig: &RigConstants) {
         let m = &table.metadata;
-        self.zero_current = both_ways(zero_currents).map_or((0.0, f32::INFINITY), |(mean_a, _, var)| (mean_a, var));
-        self.by_work = self.work(rig);
         self.slope_error = rig.lvdt_slope_error();
         let (sum_m, count) = self.pairs().fold((0.0, 0.0f32), |(sum_m, count), pair| (sum_m + pair.gap_m, count + 1.0));
         self.middle_m = sum_m / count.max(1.0);
@@ -224,22 +163,6 @@ impl LoadEstimate {
 
     fn pairs(&self) -> impl Iterator<Item = Pair> + '_ {
         (END_BINS..BINS - END_BINS).filter_map(|i| self.pair(i))
-    }
-
-    /// The load by the motor's work over the part of the sweep at constant speed: F = I k gear Δθ/ΔG.
-    fn work(&self, rig: &RigConstants) -> Option<Weight> {
-        let (first, last) = (self.pair(END_BINS)?, self.pair(BINS - END_BINS - 1)?);
-        let (mean_a, half_a, variance_a2) = both_ways(&self.currents)?;
-        let (zero_a, zero_variance_a2) = self.zero_current;
-        let newton_per_ampere =
-            rig.motor_torque_constant_nm_per_a * rig.gear_ratio * (last.twist_rad - first.twist_rad)
-                / (first.gap_m - last.gap_m);
-        let load_n = (mean_a - zero_a) * newton_per_ampere;
-        let left_a = FRICTION_LEFT * half_a;
-        let current_n2 = (variance_a2 + zero_variance_a2 + left_a * left_a) * newton_per_ampere * newton_per_ampere;
-        let sigma_n = libm::sqrtf(current_n2 + TORQUE_ERROR * TORQUE_ERROR * load_n * load_n);
-        // A gap that does not shrink is for the fit to refuse.
-        (sigma_n.is_finite() && sigma_n > 0.0 && newton_per_ampere > 0.0).then_some(Weight { load_n, sigma_n })
     }
 
     /// One Gauss–Newton step, two lookups for each bin; the result when all steps are done.
@@ -317,12 +240,8 @@ impl LoadEstimate {
         add(2, 1.0, -MM * offset_m, MM * uncertainty.gap_zero_m);
         add(3, 1.0, -slope, self.slope_error);
         add(4, 1.0, -growth, uncertainty.radius);
-        let given = match self.given {
-            LoadChoice::Known(given_n) => Some(Weight { load_n: given_n, sigma_n: GIVEN_ERROR * given_n }),
-            LoadChoice::Auto => None,
-        };
-        for weight in self.by_work.into_iter().chain(given) {
-            add(0, load_n, weight.load_n - load_n, weight.sigma_n);
+        if let LoadChoice::Known(given_n) = self.given {
+            add(0, load_n, given_n - load_n, GIVEN_ERROR * given_n);
         }
         let decomposed = Cholesky::new(matrix).ok_or(HomingFailure::PoorFit)?;
         let step = decomposed.solve(right);

@@ -24,7 +24,7 @@ use crate::ramp::Ramp;
 use crate::{RigConstants, TICK_S};
 use centre::Centre;
 use core::f32::consts::{PI, TAU};
-use load_estimate::{Current, LoadEstimate};
+use load_estimate::LoadEstimate;
 use quiet::Quiet;
 use rig_link::messages::{HomingFailure, HomingResult, LoadChoice};
 use stick_slip::StickSlip;
@@ -74,8 +74,7 @@ pub const SWEEP_SPEED: f32 = 3.5;
 /// Turns past the half-turn pre-twist that the load is weighed over.
 pub const LOAD_TURNS: f32 = 6.0;
 /// Speeds of weighing (rad/s), at the middle of the sweep and at its ends. The speed varies, in both directions alike, so
-/// that the quantization of the drive's speed and current measurement averages out: at one speed it beats with the period
-/// of the commands.
+/// that the quantization of the drive's speed averages out: at one speed it beats with the period of the commands.
 pub const LOAD_SPEED: [f32; 2] = [3.4, 6.2];
 /// Acceleration of all of it (rad/s²).
 const ACCELERATION: f32 = 25.0;
@@ -114,8 +113,6 @@ pub struct HomingInputs {
     pub shaft_at_gap_rad: f32,
     /// Measured gap (m).
     pub gap_m: f32,
-    /// Winding current that the drive reports (A).
-    pub current_a: f32,
 }
 
 /// Result of one tick.
@@ -228,8 +225,6 @@ pub struct Homing {
     direction: f32,
     ticks: u32,
     centre: Centre,
-    /// Currents of the two sweeps across zero twist.
-    zero_currents: [Current; 2],
     load_estimate: LoadEstimate,
     stick_slip: StickSlip,
     zero_rad: f32,
@@ -249,7 +244,6 @@ impl Homing {
             direction: 1.0,
             ticks: 0,
             centre: Centre::new(0.0, 1.0),
-            zero_currents: [Current::NONE; 2],
             load_estimate: LoadEstimate::new(twist_scale, load),
             stick_slip: StickSlip::NEW,
             zero_rad: 0.0,
@@ -384,9 +378,6 @@ impl Homing {
         let goal = self.centre.middle_rad + side * SWEEP_HALF;
         self.ramp.step(goal, SWEEP_SPEED, limits.acceleration);
         self.centre.record(inputs.shaft_at_gap_rad, inputs.gap_m);
-        if self.ramp.speed.abs() > 0.9 * SWEEP_SPEED {
-            self.zero_currents[usize::from(side * self.direction > 0.0)].add(inputs.current_a);
-        }
         if self.ramp == Ramp::at(goal) && self.centre.sweeps.end_pass() {
             (self.zero_rad, self.zero_error_rad) = self.centre.solve()?;
             return Ok(Phase::LoadRest { ticks: 0 });
@@ -421,14 +412,9 @@ impl Homing {
             self.stick_slip.turn();
         }
         let shaft_rad = inputs.shaft_at_gap_rad;
-        self.load_estimate.record(
-            (shaft_rad - start) / travel,
-            shaft_rad - self.zero_rad,
-            inputs.gap_m,
-            inputs.current_a,
-        );
+        self.load_estimate.record((shaft_rad - start) / travel, shaft_rad - self.zero_rad, inputs.gap_m);
         if self.ramp == Ramp::at(goal) && self.load_estimate.sweeps.end_pass() {
-            self.load_estimate.begin_fit(table, rig, &self.zero_currents);
+            self.load_estimate.begin_fit(table, rig);
             return Phase::Settle { ticks: 0, rest: Rest::NONE };
         }
         Phase::LoadEstimate

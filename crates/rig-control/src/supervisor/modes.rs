@@ -181,7 +181,7 @@ impl Controller {
         match self.mode {
             Mode::Boot(_) => self.step_boot(inputs, events),
             Mode::Proving(_) => self.step_proving(inputs, events),
-            Mode::Homing(_) => self.step_homing(inputs, events),
+            Mode::Homing(_) => self.step_homing(events),
             Mode::Moving(_) | Mode::Streaming(_) | Mode::Holding(_) => return self.control_load(events),
             Mode::Jogging(jog) => return self.step_jog(jog, events),
             Mode::Idle | Mode::Fault | Mode::EStop(_) => self.shaft.speed = 0.0,
@@ -266,19 +266,10 @@ impl Controller {
         }
     }
 
-    fn step_homing(&mut self, inputs: &Inputs, events: &mut Events) {
+    fn step_homing(&mut self, events: &mut Events) {
         let readings = &self.sensing.readings;
         let (Mode::Homing(homing), Some(gap_m)) = (&mut self.mode, readings.lvdt.gap_m()) else { return };
-        let current_a = match inputs.drive {
-            DriveReading::Reports { current_ma, .. } => f32::from(current_ma) * 1e-3 * self.constants.twist_sign(),
-            _ => 0.0,
-        };
-        let inputs = HomingInputs {
-            shaft_rad: readings.shaft_rad,
-            shaft_at_gap_rad: readings.shaft_at_gap_rad,
-            gap_m,
-            current_a,
-        };
+        let inputs = HomingInputs { shaft_rad: readings.shaft_rad, shaft_at_gap_rad: readings.shaft_at_gap_rad, gap_m };
         let event = match homing.step(&self.table.table(), &self.constants, &inputs) {
             Progress::Turning(ramp) => {
                 self.shaft = ramp;

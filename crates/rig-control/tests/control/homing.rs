@@ -25,10 +25,10 @@ fn all_that_a_move_needs_is_found_from_any_twist() {
         near(zero_rad, bench.zero_rad(), 6e-3);
         assert!((0.05 * friction_n..0.05).contains(&found.zero_error_rad), "{}", found.zero_error_rad);
         near(bench.twist_rad, PI, 0.01);
-        // The current of so little work is less than a milliampere: load and radius are known within some per cent.
+        // The gap's shape alone says load and radius within some per cent.
         near(found.load_n, load_n, 0.065 * load_n);
         assert!((0.05..0.25).contains(&(found.load_error_n / load_n)), "{}", found.load_error_n);
-        near(found.friction_n, friction_n, 0.03 * friction_n + 2e-3);
+        near(found.friction_n, friction_n, 0.05 * friction_n + 2e-3);
         // What the LVDT shows where the load has come to rest after its way down, and how much that differs from tick to tick.
         near(found.reference_gap_m, bench.gap_at(load_n - friction_n, PI)[0] + offset_m, 10e-6);
         near(found.gap_noise_m, bench.noise_m, 0.2 * bench.noise_m);

@@ -214,7 +214,7 @@ impl Surface {
         }
         let max = self.gap(twist_rad, self.max_load_n);
         let stiffness = 1.0 / max.by_load_m_per_n;
-        (gap_m >= max.gap_m).then(|| Pull {
+        (gap_m >= max.gap_m).then_some(Pull {
             force_n: self.max_load_n + (gap_m - max.gap_m) * stiffness,
             stiffness_n_per_m: stiffness,
             by_twist_m_per_rad: max.by_twist_m_per_rad,

@@ -1,5 +1,4 @@
-//! The weighing, step by step, on sweeps that the default scene's table makes: against the formulas of work and stated error, and
-//! against the minimum of the fit's sum, found here by differences.
+//! The weighing, step by step, on sweeps that the default scene's table makes: against the formula of the stated error, and against the minimum of the fit's sum, found here by differences.
 
 extern crate std;
 
@@ -24,26 +23,15 @@ struct Swept {
     twist_scale: f32,
     /// What the gap differs by from the table's (m), at a twist (rad).
     beside_m: fn(f32) -> f32,
-    /// Current of the ways up and down (A).
-    currents_a: [f32; 2],
 }
 
-const SWEPT: Swept =
-    Swept { load_n: 5.0, friction_n: 0.05, twist_scale: 1.0, beside_m: |_| 0.0, currents_a: [0.03, -0.01] };
+const SWEPT: Swept = Swept { load_n: 5.0, friction_n: 0.05, twist_scale: 1.0, beside_m: |_| 0.0 };
 /// Twists (rad) at the ends of the sweeps; readings of each; the way down is measured at other twists than the way up.
 const ENDS_RAD: [f32; 2] = [5.0, 37.0];
 const READINGS: u16 = 320;
 const DOWN_RAD: f32 = 0.2;
 
 impl Swept {
-    /// With the currents that its work takes, by the mean slope of the gap, besides 20 mA of friction and 2 mA of the strings'
-    /// own, which sweeps across zero twist take as well.
-    fn at_work(self) -> Self {
-        let slope = (self.gap_m(self.load_n, 10.0) - self.gap_m(self.load_n, 32.0)) / 22.0;
-        let current_a = self.load_n * slope / (RIG.motor_torque_constant_nm_per_a * RIG.gear_ratio);
-        Self { currents_a: [current_a + 0.022, current_a - 0.018], ..self }
-    }
-
     fn gap_m(&self, pull_n: f32, twist_rad: f32) -> f32 {
         table().point_inside(pull_n, self.twist_scale * twist_rad).gap_m + (self.beside_m)(twist_rad)
     }
@@ -57,10 +45,8 @@ impl Swept {
                 let twist_rad =
                     ENDS_RAD[0] + fraction * (ENDS_RAD[1] - ENDS_RAD[0]) + if pass == 1 { DOWN_RAD } else { 0.0 };
                 let gap_m = self.gap_m(self.load_n + direction * self.friction_n, twist_rad);
-                // A noise of one milliampere.
-                let current_a = self.currents_a[pass] + if k % 2 == 0 { 1e-3 } else { -1e-3 };
                 if fraction < until {
-                    load_estimate.record(fraction, twist_rad, gap_m, current_a);
+                    load_estimate.record(fraction, twist_rad, gap_m);
                 }
             }
             assert_eq!((load_estimate.sweeps.pass, load_estimate.sweeps.end_pass()), (pass, pass == 1));
@@ -69,17 +55,8 @@ impl Swept {
     }
 }
 
-/// Sweeps across zero twist with a mean current (A), half of it the other way, and a noise of 1 mA in 100 readings.
-fn zero_currents(mean_a: f32) -> [Current; 2] {
-    [1.5 * mean_a, 0.5 * mean_a].map(|current_a| {
-        let mut current = Current::NONE;
-        (0..100u8).for_each(|k| current.add(current_a + if k % 2 == 0 { 1e-3 } else { -1e-3 }));
-        current
-    })
-}
-
 fn fitted(load_estimate: &mut LoadEstimate) -> Result<Weighed, HomingFailure> {
-    load_estimate.begin_fit(table(), &RIG, &zero_currents(2e-3));
+    load_estimate.begin_fit(table(), &RIG);
     for _ in 1..STEPS {
         assert!(load_estimate.fit_step(table())?.is_none());
     }
@@ -89,26 +66,6 @@ fn fitted(load_estimate: &mut LoadEstimate) -> Result<Weighed, HomingFailure> {
 #[track_caller]
 fn near(found: f32, expected: f32, fraction: f32) {
     assert!((found - expected).abs() <= fraction * expected.abs(), "{found} instead of {expected}");
-}
-
-#[test]
-fn the_currents_of_both_ways_count_the_same_and_give_the_error_of_their_mean() {
-    let mut ways = [Current::NONE; 2];
-    // 400 readings up of 10 mA with 2 mA of noise, 100 down of -6 mA with the same.
-    for k in 0..400 {
-        ways[0].add(10e-3 + if k % 2 == 0 { 2e-3 } else { -2e-3 });
-    }
-    for k in 0..100 {
-        ways[1].add(-6e-3 + if k % 2 == 0 { 2e-3 } else { -2e-3 });
-    }
-    let (mean_a, half_a, variance_a2) = both_ways(&ways).unwrap();
-    assert!((mean_a - 2e-3).abs() < 1e-6 && (half_a - 8e-3).abs() < 1e-6, "{mean_a} {half_a}");
-    let expected = 0.25 * (4e-6 / 400.0 + 4e-6 / 100.0);
-    assert!((variance_a2 / expected - 1.0).abs() < 1e-2, "{variance_a2}");
-    let [up, down] = ways;
-    for one_way in [[Current::NONE; 2], [up, Current::NONE], [Current::NONE, down]] {
-        assert!(both_ways(&one_way).is_none());
-    }
 }
 
 #[test]
@@ -125,24 +82,18 @@ fn the_curve_goes_through_a_cubic_rest_and_carries_the_offset() {
 }
 
 #[test]
-fn readings_go_where_their_share_of_the_sweep_says_and_currents_only_where_the_speed_is_even() {
+fn readings_go_where_their_share_of_the_sweep_says() {
     let mut load_estimate = LoadEstimate::new(1.0, LoadChoice::Auto);
     for fraction in [-0.01, 1.01, f32::NAN] {
-        load_estimate.record(fraction, 1.0, 1.0, 1.0);
+        load_estimate.record(fraction, 1.0, 1.0);
     }
     for (fraction, place) in [(0.0, 0), (0.99 / 32.0, 0), (1.0 / 32.0, 1), (0.5, 16), (0.999, 31), (1.0, 31)] {
         let before = load_estimate.sweeps.bins[0][place].count;
-        load_estimate.record(fraction, 2.0, 0.1, 0.5);
+        load_estimate.record(fraction, 2.0, 0.1);
         assert_eq!(load_estimate.sweeps.bins[0][place].count, before + 1, "{fraction}");
     }
     assert_eq!(load_estimate.sweeps.bins[0].iter().map(|bin| bin.count).sum::<u16>(), 6);
     assert_eq!((load_estimate.sweeps.bins[0][31].angle_sum, load_estimate.sweeps.bins[0][31].gap_sum), (4.0, 0.2));
-    assert_eq!(load_estimate.currents.map(|current| current.count), [1.0, 0.0]);
-    for (fraction, counted) in [(3.9 / 32.0, false), (4.1 / 32.0, true), (27.9 / 32.0, true), (28.1 / 32.0, false)] {
-        let before = load_estimate.currents[0].count;
-        load_estimate.record(fraction, 2.0, 0.1, 0.5);
-        assert_eq!(load_estimate.currents[0].count > before, counted, "{fraction}");
-    }
     // A way without readings makes no pair.
     assert!(load_estimate.pair(16).is_none());
 }
@@ -150,9 +101,9 @@ fn readings_go_where_their_share_of_the_sweep_says_and_currents_only_where_the_s
 #[test]
 fn both_ways_of_a_bin_count_the_same_however_many_readings_they_have() {
     let mut load_estimate = LoadEstimate::new(1.0, LoadChoice::Auto);
-    (0..3).for_each(|_| load_estimate.record(0.5, 10.0, 0.09, 0.0));
+    (0..3).for_each(|_| load_estimate.record(0.5, 10.0, 0.09));
     load_estimate.sweeps.end_pass();
-    load_estimate.record(0.5, 12.0, 0.08, 0.0);
+    load_estimate.record(0.5, 12.0, 0.08);
     let pair = load_estimate.pair(16).expect("both ways");
     near(pair.twist_rad, 11.0, 1e-6);
     near(pair.gap_m, 0.085, 1e-6);
@@ -160,41 +111,12 @@ fn both_ways_of_a_bin_count_the_same_however_many_readings_they_have() {
     near(pair.half_gap_m, 0.005, 1e-4);
 }
 
-/// F = I k gear Δθ/ΔG, of the current less that of the sweeps across zero twist.
-#[test]
-fn the_motors_work_weighs_the_load_with_the_error_of_currents_and_data_sheet() {
-    let mut load_estimate = SWEPT.recorded(LoadChoice::Auto, 1.0);
-    // A straight line of 1.25 mm/rad.
-    for bin in load_estimate.sweeps.bins.iter_mut().flatten() {
-        bin.gap_sum = f32::from(bin.count) * 0.12 - 1.25e-3 * bin.angle_sum;
-    }
-    let newton_per_ampere = RIG.motor_torque_constant_nm_per_a * RIG.gear_ratio / 1.25e-3;
-    load_estimate.begin_fit(table(), &RIG, &[Current::NONE; 2]);
-    assert!(load_estimate.by_work.is_none(), "what the strings' own current is, is not known");
-    load_estimate.begin_fit(table(), &RIG, &zero_currents(2e-3));
-    let found = load_estimate.by_work.expect("a load");
-    // Up 30 and down -10 mA: 10 mA in the mean, 20 mA of friction, of which a fiftieth may not cancel.
-    near(found.load_n, (10e-3 - 2e-3) * newton_per_ampere, 1e-3);
-    // Each mean of two ways: 240 readings of each sweep are used, 100 of each across zero.
-    let by_friction_a = FRICTION_LEFT * 20e-3;
-    let noise_a2 = 1e-6 / 240.0 / 2.0 + 1e-6 / 100.0 / 2.0 + by_friction_a * by_friction_a;
-    let by_data_sheet_n = TORQUE_ERROR * found.load_n;
-    let variance_n2 = noise_a2 * newton_per_ampere * newton_per_ampere + by_data_sheet_n * by_data_sheet_n;
-    near(found.sigma_n, libm::sqrtf(variance_n2), 2e-3);
-    // A gap that grows with the twist says nothing of the load.
-    for bin in load_estimate.sweeps.bins.iter_mut().flatten() {
-        bin.gap_sum = f32::from(bin.count) * 0.05 + 1e-3 * bin.angle_sum;
-    }
-    load_estimate.begin_fit(table(), &RIG, &zero_currents(2e-3));
-    assert!(load_estimate.by_work.is_none());
-}
-
 #[test]
 fn the_fit_begins_with_a_given_weight_or_in_the_middle_of_the_table() {
     let m = &table().metadata;
     let begins = |given: LoadChoice| {
         let mut load_estimate = SWEPT.recorded(given, 1.0);
-        load_estimate.begin_fit(table(), &RIG, &zero_currents(2e-3));
+        load_estimate.begin_fit(table(), &RIG);
         load_estimate.unknowns.load_n
     };
     near(begins(LoadChoice::Auto), libm::sqrtf(m.load_min_n * m.load_max_n), 1e-6);
@@ -205,7 +127,7 @@ fn the_fit_begins_with_a_given_weight_or_in_the_middle_of_the_table() {
 #[test]
 fn a_rig_that_is_its_table_is_found_as_it_is() {
     for (load_n, friction_n) in [(5.0, 0.05), (1.2, 0.02), (14.0, 0.4)] {
-        let swept = Swept { load_n, friction_n, ..SWEPT }.at_work();
+        let swept = Swept { load_n, friction_n, ..SWEPT };
         let found = fitted(&mut swept.recorded(LoadChoice::Auto, 1.0)).expect("a load");
         near(found.load_n, load_n, 0.02);
         near(found.friction_n, friction_n, 0.05);
@@ -245,7 +167,7 @@ fn residuals(load_estimate: &LoadEstimate, unknowns: [f32; UNKNOWNS]) -> std::ve
 #[test]
 fn the_fit_ends_at_the_minimum_and_states_the_inverse_of_its_curvature() {
     for given in [LoadChoice::Auto, LoadChoice::Known(5.1)] {
-        let mut load_estimate = BESIDE.at_work().recorded(given, 1.0);
+        let mut load_estimate = BESIDE.recorded(given, 1.0);
         let found = fitted(&mut load_estimate).expect("a load");
         let uncertainty = &table().metadata.uncertainty;
         let Unknowns { load_n, twist_scale, offset_m, slope, growth } = load_estimate.unknowns;
@@ -262,15 +184,13 @@ fn the_fit_ends_at_the_minimum_and_states_the_inverse_of_its_curvature() {
             let [low, high] = sides.map(|side| residuals(&load_estimate, side));
             low.iter().zip(high).map(|(low, high)| (high - low) / f64::from(2.0 * STEP)).collect()
         });
-        // What else is known: the scene's radius, zero and LVDT, the motor's work, a given weight.
+        // What else is known: the scene's radius, zero and LVDT, a given weight.
         let mut known = std::vec![
             (1, f64::from(uncertainty.radius), f64::from(at[1])),
             (2, f64::from(1e3 * uncertainty.gap_zero_m), f64::from(at[2])),
             (3, f64::from(RIG.lvdt_slope_error()), f64::from(at[3])),
             (4, f64::from(uncertainty.radius), f64::from(at[4])),
         ];
-        let by_work = load_estimate.by_work.expect("there is a current");
-        known.push((0, f64::from(by_work.sigma_n / load_n), f64::from((load_n - by_work.load_n) / load_n)));
         if let LoadChoice::Known(given_n) = given {
             known.push((0, f64::from(GIVEN_ERROR * given_n / load_n), f64::from((load_n - given_n) / load_n)));
         }
@@ -457,10 +377,9 @@ fn a_wrong_slope_and_a_radius_of_another_growth_are_not_taken_for_another_load()
         table().point_inside(2.0, grown_rad).gap_m - table().point_inside(2.0, twist_rad).gap_m
     }
     for beside_m in [slope as fn(f32) -> f32, growth] {
-        let swept = Swept { load_n: 2.0, beside_m, currents_a: [0.03, -0.03], ..SWEPT };
+        let swept = Swept { load_n: 2.0, beside_m, ..SWEPT };
         let mut load_estimate = swept.recorded(LoadChoice::Auto, 1.0);
-        load_estimate.begin_fit(table(), &RIG, &zero_currents(0.0));
-        load_estimate.by_work = None;
+        load_estimate.begin_fit(table(), &RIG);
         let mut found = None;
         for _ in 0..STEPS {
             found = load_estimate.fit_step(table()).expect("a load");
