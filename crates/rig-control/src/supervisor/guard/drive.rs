@@ -81,9 +81,16 @@ impl DriveChecks {
             found.insert(Fault::DriveSilent);
             return found;
         }
-        let far_before = self.last_drive_qc.is_some_and(|last| last.saturating_abs() > RESET_FAR);
-        self.last_drive_qc = Some(position_qc);
-        if started && far_before && position_qc.saturating_abs() < RESET_NEAR {
+        let counts_per_s = f32::from(speed_rpm) / 60.0 * TAU / constants.gear_ratio * constants.counts_per_rad.abs();
+        let age_s = seconds(inputs.now_us.saturating_sub(t_us));
+        let drive_counts = i64::from(position_qc) + whole_counts(counts_per_s * age_s);
+        // Before the directions are proven the two may count as they like; the proof compares them.
+        let offset = drive_zero.offset().filter(|_| closed_loop);
+        let agree = offset.is_some_and(|offset| {
+            (inputs.encoder_counts - offset - drive_counts).abs() <= allowed_counts(counts_per_s)
+        });
+        let last_qc = self.last_drive_qc.replace(position_qc);
+        if started && !agree && was_reset(last_qc, position_qc) {
             found.insert(Fault::DriveReset);
             return found;
         }
@@ -92,19 +99,12 @@ impl DriveChecks {
             found.insert(Fault::Supply);
         }
         let max = JUMP_FACTOR * constants.twist_speed_max() * constants.counts_per_rad.abs() * tick_s;
-        // Before the directions are proven the two may count as they like; the proof compares them.
         let encoder = if !closed_loop {
             None
         } else if moved_counts.abs() > whole_counts(max + JUMP_COUNTS) {
             Some(Fault::EncoderJump)
         } else {
-            let counts_per_s =
-                f32::from(speed_rpm) / 60.0 * TAU / constants.gear_ratio * constants.counts_per_rad.abs();
-            let age_s = seconds(inputs.now_us.saturating_sub(t_us));
-            let drive_counts = i64::from(position_qc) + whole_counts(counts_per_s * age_s);
-            drive_zero
-                .offset()
-                .and_then(|offset| self.disagreement([inputs.encoder_counts, drive_counts], offset, counts_per_s))
+            offset.and_then(|offset| self.disagreement([inputs.encoder_counts, drive_counts], offset, counts_per_s))
         };
         encoder.filter(|_| started).into_iter().for_each(|fault| found.insert(fault));
         found
@@ -113,7 +113,7 @@ impl DriveChecks {
     /// How own and drive's counts disagree, if they do.
     fn disagreement(&mut self, [own, drive]: [i64; 2], offset: i64, counts_per_s: f32) -> Option<Fault> {
         let apart = (own - offset - drive).abs();
-        let disagree = apart > DISAGREE_COUNTS + whole_counts(DISAGREE_S * counts_per_s.abs());
+        let disagree = apart > allowed_counts(counts_per_s);
         let [own_then, drive_then] = *self.disagreed_at.get_or_insert([own, drive]);
         if !disagree {
             self.disagreed_at = None;
@@ -135,9 +135,30 @@ impl DriveChecks {
     }
 }
 
+/// By how much own encoder and drive may differ at a speed (counts/s).
+fn allowed_counts(counts_per_s: f32) -> i64 {
+    DISAGREE_COUNTS + whole_counts(DISAGREE_S * counts_per_s.abs())
+}
+
+/// Whether a drive's count is near zero after having been far away. A fast shaft with many counts passes zero like this as well, but
+/// then the own encoder agrees.
+fn was_reset(last_qc: Option<i32>, now_qc: i32) -> bool {
+    last_qc.is_some_and(|last| last.saturating_abs() > RESET_FAR) && now_qc.saturating_abs() < RESET_NEAR
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_count_at_zero_after_a_count_far_away_was_reset() {
+        assert!(was_reset(Some(8001), 0) && was_reset(Some(-9000), 399));
+        for (last_qc, now_qc) in [(None, 0), (Some(7999), 0), (Some(8001), 401)] {
+            assert!(!was_reset(last_qc, now_qc), "{last_qc:?} {now_qc}");
+        }
+        // At 9000 counts in a tick of 10 ms, own encoder and drive may be a tick apart.
+        assert!(allowed_counts(9e5) > 9000 && allowed_counts(0.0) < 4096);
+    }
 
     /// The first fault of ticks whose own and drive's counts come from these functions of the tick.
     fn first_fault(own: fn(i64) -> i64, drive: fn(i64) -> i64) -> Option<Fault> {
