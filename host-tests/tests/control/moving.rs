@@ -137,3 +137,30 @@ fn a_relay_that_opens_under_a_turning_motor_leaves_the_rail_below_what_the_drive
         assert!(!d.rig.drive().is_powered() && highest_v < DESTROYED_V, "{highest_v} V");
     }
 }
+
+/// A load that drops or springs up is elsewhere by the time its gap has been measured, by up to several millimetres.
+#[test]
+fn the_positions_error_counts_how_far_a_load_moves_while_it_is_measured() {
+    for (from, to) in [("0.3kg", "1.2kg"), ("1.2kg", "0.5kg")] {
+        let mut d = homed(&[], from, "0.05", 3);
+        d.move_to(0.008, 0.004, LoadChoice::Auto).unwrap();
+        d.rig.set_plant("load", to).unwrap();
+        let (mut ticks, mut outside, mut worst_m) = (0, 0, 0f64);
+        for _ in 0..100 {
+            d.tick(None);
+            let telemetry = d.last.as_ref().unwrap().telemetry;
+            let (Some(position_m), Some(error_m)) = (telemetry.position_m, telemetry.position_error_m) else {
+                continue;
+            };
+            let off_m = (f64::from(position_m) - d.true_position_m()).abs();
+            ticks += 1;
+            outside += u32::from(off_m > f64::from(error_m));
+            worst_m = worst_m.max(off_m);
+        }
+        println!("{from} to {to}: {outside} of {ticks} ticks outside, at most {worst_m} m off");
+        assert!(
+            ticks > 90 && worst_m > 1e-3 && outside <= ticks / 10,
+            "{from} to {to}: {outside} of {ticks}, {worst_m} m"
+        );
+    }
+}

@@ -1,13 +1,13 @@
 //! What is known of the load since homing: position, load, TR, and how the strings drift.
 
 use super::sensing::Readings;
-use crate::RigConstants;
 use crate::adaptation::Adaptation;
 use crate::constants::ChangeError;
 use crate::homing::{Homed, NINETY_PERCENT};
 use crate::load_motion::{AHEAD_S, LoadMotion, Measured, MotionObserver};
 use crate::mechanism::Mechanism;
 use crate::observer::{LoadObserver, Observation};
+use crate::{RigConstants, TICK_S};
 use rig_link::messages::{Doubt, Doubts, Setting, SettingValues};
 use tsa_table::Table;
 
@@ -25,6 +25,8 @@ pub(super) struct LoadTracking {
     lvdt_change_error: ChangeError,
     /// Newest measured position (m).
     pub(super) position_m: f32,
+    /// How far the load may have moved since that was measured (m).
+    moved_since_m: f32,
     /// Observation of this tick; `None` outside the table's twists.
     pub(super) observation: Option<Observation>,
     /// How the load moves; `None` outside the table's twists.
@@ -43,6 +45,7 @@ impl LoadTracking {
             adaptation: Adaptation::new(homed.found.twist_scale),
             // Subtract from zero: negating 0.0 would print as -0.
             position_m: 0.0 - settings.get(Setting::PositionZero),
+            moved_since_m: 0.0,
             observation: None,
             motion: None,
         }
@@ -58,11 +61,12 @@ impl LoadTracking {
         self.observation.map(|observation| observation.load_error_n)
     }
 
-    /// Error of the position, 90 % (m): the LVDT's between here and where it was homed, and the noise here.
+    /// Error of the position, 90 % (m): the LVDT's between here and where it was homed, the noise here, and in full how far the
+    /// load may have moved since it was measured.
     pub(super) fn position_error_m(&self) -> Option<f32> {
         let gap_m = self.homed.found.reference_gap_m - self.position_m;
         let by_lvdt_m = self.lvdt_change_error.of(gap_m - self.homed_gap_m);
-        Some(libm::hypotf(by_lvdt_m, NINETY_PERCENT * self.homed.found.gap_noise_m))
+        Some(libm::hypotf(by_lvdt_m, NINETY_PERCENT * self.homed.found.gap_noise_m) + self.moved_since_m)
     }
 
     /// Twist (rad) at a shaft angle (rad).
@@ -86,6 +90,9 @@ impl LoadTracking {
             self.motion = None;
             None
         };
+        // One step more than its age, because a load that falls gains speed.
+        let steps = 1.0 + readings.gap_age_s / readings.gap_step_s.max(TICK_S);
+        self.moved_since_m = self.observation.map_or(0.0, |observation| steps * observation.moved_m);
         if let (Some(observation), Some(gap_m)) = (&self.observation, gap_m) {
             let pull_n = observation.pull_n;
             self.motion
