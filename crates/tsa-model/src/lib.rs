@@ -50,6 +50,9 @@ pub use tiers::{Tier, TierError, Tiered};
 /// Twist at the half-turn pre-twist, from which motor turns are counted (rad).
 pub const PRETWIST_RAD: f64 = core::f64::consts::PI;
 
+/// Load (N) below which strings count as slack: their shortening and their torque are then proportional to the load.
+pub const SLACK_LOAD_N: f64 = 0.3;
+
 /// Twist of the strings after `turns` motor turns past the half-turn pre-twist (rad).
 pub fn twist_from_turns(turns: f64) -> f64 {
     PRETWIST_RAD + core::f64::consts::TAU * turns

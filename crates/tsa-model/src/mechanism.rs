@@ -5,6 +5,7 @@
 //! on few quadrature nodes, then on twice as many, whose residual measures the error of the fewer. A state that does
 //! not converge on the branch connected to zero load is solved again inside brackets, where no step can diverge.
 
+use crate::SLACK_LOAD_N;
 use crate::equilibrium::Equilibrium;
 use crate::error::{ParameterError, SolveError, Warnings};
 use crate::helix::{ALPHA_LIMIT, Helix, State, rigid_angle};
@@ -99,6 +100,28 @@ impl<T: Scalar> Mechanism<T> {
     /// The named limit of the model that stopped it, see [`SolveError`].
     pub fn solve(&self, load_n: f64, twist_rad: f64) -> Result<Equilibrium<T>, SolveError> {
         self.possible(self.formal(load_n, twist_rad)?)
+    }
+
+    /// Torque on the strings that conserves energy (N m, towards zero twist positive), at a load (N) and a twist (rad):
+    /// T = −∫ ∂G/∂θ dF from 0 to the load, so that ∂T/∂F = −∂G/∂θ (docs/explanation/model.md 4). Below [`SLACK_LOAD_N`] it is
+    /// proportional to the load.
+    ///
+    /// # Errors
+    /// As [`Mechanism::formal`], at any lighter load too.
+    pub fn conservative_torque_nm(&self, load_n: f64, twist_rad: f64) -> Result<f64, SolveError> {
+        let slope = |load_n: f64| Ok(load_n * self.formal(load_n, twist_rad)?.dgap_dtwist_m_per_rad.value());
+        if load_n <= SLACK_LOAD_N {
+            return slope(load_n).map(|nm: f64| -nm);
+        }
+        // In the logarithm of the load, as the radius has a term in 1/F; the rule has the positive half of its nodes.
+        let half = 0.5 * (load_n / SLACK_LOAD_N).ln();
+        let mut sum = slope(SLACK_LOAD_N)?;
+        for (node, weight) in LEVELS[1].iter() {
+            for at in [1.0 - node, 1.0 + node] {
+                sum += half * weight * slope(SLACK_LOAD_N * (half * at).exp())?;
+            }
+        }
+        Ok(-sum)
     }
 
     /// As [`Mechanism::solve`], but an overtwisted state, which two strings of diameter r0 cannot reach, is returned

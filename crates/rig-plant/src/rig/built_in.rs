@@ -113,17 +113,19 @@ impl BuiltIn {
         }
     }
 
-    /// Torque of the string on the output shaft, N m. Lossless: S dG = τ dθ at constant load, so τ = S ∂G/∂θ, which
-    /// untwists. Past the last twist a wall is added, which depends on the true load.
+    /// Torque of the string on the output shaft, N m, which untwists. That of the mechanism conserves energy
+    /// ([`Surface::torque_nm`]); what the rods add by their memory acts through ∂G/∂θ. Past the last twist a wall is added, which
+    /// depends on the true load.
     pub fn torque_nm(&self) -> f64 {
-        let pull_n = self.pull_n();
-        if self.broken || pull_n <= 0.0 {
+        if self.broken || self.pull_n() <= 0.0 {
             return 0.0;
         }
         let twist_rad = self.strings.twist_rad;
         let over = twist_rad.abs() - self.surface.hard_stop_rad(self.law.force_n.max(self.settings.load_n));
         let hard_stop = (HARD_STOP_NM_PER_RAD * over).clamp(0.0, HARD_STOP_MAX_NM).copysign(twist_rad);
-        self.strings.torque_nm(pull_n * self.law.by_twist_m_per_rad - hard_stop)
+        let by_rods_nm = self.rod_force.force_n * self.law.by_twist_m_per_rad;
+        let mechanism_nm = self.surface.torque_nm(twist_rad, self.law.force_n);
+        self.strings.torque_nm(mechanism_nm + by_rods_nm - hard_stop)
     }
 
     /// The string breaks: no pull and no torque from now on.

@@ -12,7 +12,7 @@
 use std::f64::consts::PI;
 
 /// Minimum load of the surface, N; below it the pull falls linearly to zero with the gap.
-pub const SLACK_LOAD_N: f64 = 0.3;
+pub use tsa_model::SLACK_LOAD_N;
 /// Maximum twist of the surface: eleven turns past the half-turn pre-twist.
 pub const MAX_TWIST_RAD: f64 = PI + 11.0 * 2.0 * PI;
 /// Cells along ln F.
@@ -26,6 +26,9 @@ const TWISTED_CELLS: usize = 144;
 /// Where the gap falls faster with twist than this, m/rad, the equilibrium is about to run away
 /// (docs/explanation/model.md 5), and no patch and no straight line follows it: the last twist is before that.
 const STEEPEST_M_PER_RAD: f64 = 5e-3;
+/// Places and weights of Gauss's quadrature with three points over a cell of loads.
+const QUADRATURE: [(f64, f64); 3] =
+    [(0.112_701_665_379_258_3, 5.0 / 18.0), (0.5, 8.0 / 18.0), (0.887_298_334_620_741_7, 5.0 / 18.0)];
 /// How far past the last twist the gap continues, rad.
 const RUN_ON_RAD: f64 = 2.0;
 
@@ -61,10 +64,10 @@ pub struct Pull {
     pub by_twist_m_per_rad: f64,
 }
 
-/// Value and the three derivatives that a Hermite patch needs, by the local coordinates (see [`Surface`]).
+/// Value, a gap or a torque, and the three derivatives that a Hermite patch needs, by the local coordinates (see [`Surface`]).
 #[derive(Clone, Copy, Debug, Default)]
 struct Node {
-    gap: f64,
+    value: f64,
     by_x: f64,
     by_u: f64,
     by_xu: f64,
@@ -89,6 +92,8 @@ pub struct Surface {
     hard_stops: Vec<f64>,
     open: Grid,
     twisted: Grid,
+    open_torque: Grid,
+    twisted_torque: Grid,
 }
 
 impl Surface {
@@ -124,7 +129,14 @@ impl Surface {
             Ok((point.gap_m, (end - PI) * point.by_twist_m_per_rad, along))
         })?;
         let max_load_n = (u_min + u_step * LOAD_CELLS as f64).exp();
-        Ok(Self { u_min, u_step, max_load_n, ends, hard_stops, open, twisted })
+        let no_torque = Grid { cells: 0, nodes: Vec::new() };
+        let [open_torque, twisted_torque] = [no_torque.clone(), no_torque];
+        let mut surface =
+            Self { u_min, u_step, max_load_n, ends, hard_stops, open, twisted, open_torque, twisted_torque };
+        surface.open_torque = surface.torques(OPEN_CELLS, &loads, |_| (0.0, OPEN_END_RAD, 0.0));
+        surface.twisted_torque =
+            surface.torques(TWISTED_CELLS, &loads, |i| (PI, surface.ends[i].0 - PI, surface.ends[i].1));
+        Ok(surface)
     }
 
     /// Maximum load of the surface, N.
@@ -221,6 +233,58 @@ impl Surface {
         })
     }
 
+    /// Torque of the strings on the shaft at a twist of either sign (rad) and a force (N), N m; negative towards zero twist.
+    ///
+    /// It conserves energy: with S the elastic energy, dS = F dG − T dθ, so that ∂T/∂F = ∂G/∂θ here, and T is its integral
+    /// over the force from zero (docs/explanation/model.md 4).
+    pub fn torque_nm(&self, twist_rad: f64, force_n: f64) -> f64 {
+        let within_n = force_n.clamp(SLACK_LOAD_N, self.max_load_n);
+        let slope = self.gap(twist_rad, within_n).by_twist_m_per_rad;
+        if force_n < SLACK_LOAD_N {
+            return force_n * slope;
+        }
+        let u = self.u(within_n);
+        let (i, t) = self.cell(u);
+        let twist = twist_rad.abs();
+        let (nm, ..) = if twist < PI {
+            self.open_torque.at(i, t, self.u_step, twist / OPEN_END_RAD)
+        } else {
+            self.twisted_torque.at(i, t, self.u_step, ((twist - PI) / (self.end(u).0 - PI)).min(1.0))
+        };
+        nm.copysign(-twist_rad) + (force_n - within_n) * slope
+    }
+
+    /// The torques of one part of the twists, load by load: what the load before has at the same twist, and the integral of ∂G/∂θ
+    /// from there. `part(i)` is where the part begins at load i (rad), its width (rad) and the width's derivative by u.
+    fn torques(&self, cells: usize, loads: &[f64], part: impl Fn(usize) -> (f64, f64, f64)) -> Grid {
+        let rows = cells + 1;
+        let x_step = 1.0 / cells as f64;
+        let mut grid = Grid { cells, nodes: Vec::with_capacity(loads.len() * rows) };
+        for (i, load_n) in loads.iter().enumerate() {
+            let (from_rad, width_rad, width_by_u) = part(i);
+            let twists = (0..rows).map(|k| from_rad + width_rad * k as f64 * x_step);
+            let values: Vec<f64> = twists
+                .clone()
+                .map(|twist_rad| {
+                    let slope = |load_n: f64| load_n * self.gap(twist_rad, load_n).by_twist_m_per_rad;
+                    let Some(below) = i.checked_sub(1) else { return slope(*load_n) };
+                    let (from_rad, width_rad, _) = part(below);
+                    let before = grid.along(below, (twist_rad - from_rad) / width_rad);
+                    let gain = |(at, weight): (f64, f64)| weight * slope(loads[below] * (self.u_step * at).exp());
+                    before + self.u_step * QUADRATURE.into_iter().map(gain).sum::<f64>()
+                })
+                .collect();
+            let by_x = differences(&values, x_step);
+            for (k, ((value, by_x), twist_rad)) in values.into_iter().zip(by_x).zip(twists).enumerate() {
+                let at_twist = load_n * self.gap(twist_rad, *load_n).by_twist_m_per_rad;
+                let by_u = at_twist + by_x / width_rad * width_by_u * k as f64 * x_step;
+                grid.nodes.push(Node { value, by_x, by_u, by_xu: 0.0 });
+            }
+        }
+        grid.cross(loads.len(), self.u_step);
+        grid
+    }
+
     fn u(&self, load_n: f64) -> f64 {
         load_n.clamp(SLACK_LOAD_N, self.max_load_n).ln()
     }
@@ -254,16 +318,34 @@ impl Grid {
         for i in 0..loads.len() {
             for k in 0..rows {
                 let (gap, by_x, by_u) = sample(i, k as f64 / cells as f64)?;
-                nodes.push(Node { gap, by_x, by_u, by_xu: 0.0 });
+                nodes.push(Node { value: gap, by_x, by_u, by_xu: 0.0 });
             }
         }
+        let mut grid = Self { cells, nodes };
+        grid.cross(loads.len(), u_step);
+        Ok(grid)
+    }
+
+    /// Sets the cross derivatives, from the slopes by x at each of so many loads.
+    fn cross(&mut self, loads: usize, u_step: f64) {
+        let rows = self.cells + 1;
         for k in 0..rows {
-            let slopes: Vec<f64> = (0..loads.len()).map(|i| nodes[i * rows + k].by_x).collect();
+            let slopes: Vec<f64> = (0..loads).map(|i| self.nodes[i * rows + k].by_x).collect();
             for (i, slope) in differences(&slopes, u_step).into_iter().enumerate() {
-                nodes[i * rows + k].by_xu = slope;
+                self.nodes[i * rows + k].by_xu = slope;
             }
         }
-        Ok(Self { cells, nodes })
+    }
+
+    /// The value at load `i` and x; straight on beyond the ends.
+    fn along(&self, i: usize, x: f64) -> f64 {
+        let at = (x * self.cells as f64).clamp(0.0, self.cells as f64);
+        let k = (at as usize).min(self.cells - 1);
+        let x_step = 1.0 / self.cells as f64;
+        let [value, slope] = hermite(at - k as f64);
+        let [a, b] = [0, 1].map(|dx| self.nodes[i * (self.cells + 1) + k + dx]);
+        let mix = |w: [f64; 4]| w[0] * a.value + w[1] * b.value + (w[2] * a.by_x + w[3] * b.by_x) * x_step;
+        mix(value) + mix(slope) * (x * self.cells as f64 - at)
     }
 
     /// Gap and slopes in load cell `i` at fraction `t`, at x.
@@ -280,9 +362,9 @@ impl Grid {
             let node = corner(du, dx);
             // Along x at this end of u: the value, and the slope by u.
             let along = |w: &[f64; 4], value: f64, slope: f64| w[dx] * value + w[2 + dx] * slope * x_step;
-            let value = along(&x_value, node.gap, node.by_x);
+            let value = along(&x_value, node.value, node.by_x);
             let value_by_u = along(&x_value, node.by_u, node.by_xu);
-            let slope = along(&x_slope, node.gap, node.by_x);
+            let slope = along(&x_slope, node.value, node.by_x);
             let slope_by_u = along(&x_slope, node.by_u, node.by_xu);
             gap += u_value[du] * value + u_value[2 + du] * value_by_u * u_step;
             by_x += u_value[du] * slope + u_value[2 + du] * slope_by_u * u_step;

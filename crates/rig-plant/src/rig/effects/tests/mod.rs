@@ -336,3 +336,34 @@ fn a_seed_names_one_rig_to_the_last_bit() {
     assert!(hard == run(RigPreset::Hard, 3) && hard != run(RigPreset::Hard, 4) && hard != run(RigPreset::Nominal, 3));
     assert_eq!(PlantSettings::preset(RigPreset::Ideal, 9), PlantSettings::default());
 }
+
+/// ∂T/∂F = ∂G/∂θ on the surface, and the torque is that of the model.
+#[test]
+fn the_torque_of_the_surface_conserves_energy() {
+    let hung = Hung::new(&[]);
+    let (surface, mechanism) = (&hung.plant.surface, scene(SCENE).mechanism().unwrap());
+    for load_n in [0.4, 1.0, 5.0, 15.0] {
+        for twist_rad in [2.0, 3.5, 12.0, 30.0, -30.0] {
+            let torque = |load_n: f64| surface.torque_nm(twist_rad, load_n);
+            let by_load = (torque(1.001 * load_n) - torque(0.999 * load_n)) / (0.002 * load_n);
+            let slope = surface.gap(twist_rad, load_n).by_twist_m_per_rad;
+            assert!((by_load / slope - 1.0).abs() < 5e-3, "{load_n} N, {twist_rad} rad: {by_load} and {slope}");
+            let model_nm = mechanism.conservative_torque_nm(load_n, twist_rad).unwrap();
+            assert!((torque(load_n) / -model_nm - 1.0).abs() < 2e-3, "{load_n} N, {twist_rad} rad: {model_nm}");
+        }
+    }
+}
+
+/// Up with one load and down with another: with a torque of the load times ∂G/∂θ, the motor would gain or lose a third of the work.
+#[test]
+fn a_cycle_of_twist_and_load_takes_no_work_but_that_of_the_damper() {
+    let mut hung = Hung::new(&[("load", "1N"), ("damping", "0.2"), ("twist_at_boot", "5")]);
+    hung.turn_to(5.0, 1.0);
+    hung.work_j = 0.0;
+    hung.turn_to(35.0, 20.0);
+    let up_j = hung.plant.settings.load_n * 6e-3;
+    hung.load_to(5.0, 20.0);
+    hung.turn_to(5.0, 20.0);
+    hung.load_to(1.0, 20.0);
+    assert!(hung.work_j.abs() < 0.05 * up_j, "{} J of {up_j} J", hung.work_j);
+}

@@ -128,10 +128,12 @@ fn measured_gaps_make_the_rig_that_they_were_taken_from() {
     for (load, twist) in [("load=1N", "twist_at_boot=8"), ("load=5N", "twist_at_boot=30")] {
         let keys = [load, twist, "friction=0"];
         let here = from(&outside, RigPreset::Ideal, &keys).unwrap_or_else(|e| panic!("{e}")).truth();
-        let solved = scene().mechanism().unwrap().solve(here.load_n, here.twist_rad).unwrap();
+        let mechanism = scene().mechanism().unwrap();
+        let solved = mechanism.solve(here.load_n, here.twist_rad).unwrap();
         assert!((here.gap_m - solved.gap_m).abs() < 20e-6, "{} and {} m", here.gap_m, solved.gap_m);
-        let torque = here.string_torque_nm / (here.load_n * solved.dgap_dtwist_m_per_rad);
-        assert!((torque - 1.0).abs() < 0.02, "{torque}");
+        let model_nm = mechanism.conservative_torque_nm(here.load_n, here.twist_rad).unwrap();
+        // The lightest loads are the measured ones continued.
+        assert!((here.string_torque_nm / -model_nm - 1.0).abs() < 0.1, "{here:?} {model_nm}");
     }
     let error = from(&outside, RigPreset::Ideal, &["k2_scale=1.1"]).err().unwrap().to_string();
     assert!(error.contains("`k2_scale`") && error.contains("measured gaps"), "{error}");
