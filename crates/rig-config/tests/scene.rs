@@ -23,7 +23,7 @@ fn every_scene_in_the_folder_is_good() {
 
 /// The words in backquotes of a text.
 /// ∂T/∂F = −∂G/∂θ, or a cycle of load and twist would gain work. The paper's relation violates it. Where the material has a corner,
-/// the quadrature is good to 1 %.
+/// the quadrature is good to 3 %.
 #[test]
 fn the_torque_conserves_energy_in_every_scene() {
     let mut violated = 1.0f64;
@@ -38,7 +38,7 @@ fn the_torque_conserves_energy_in_every_scene() {
                 let sides = [load_n - step_n, load_n + step_n];
                 let by_load = |[low, high]: [f64; 2]| (high - low) / (2.0 * step_n) / -here.dgap_dtwist_m_per_rad;
                 let conservative = by_load(sides.map(|n| mechanism.conservative_torque_nm(n, twist_rad).unwrap()));
-                assert!((conservative - 1.0).abs() < 0.02, "{path:?}, {load_n} N, {turns} turns: {conservative}");
+                assert!((conservative - 1.0).abs() < 0.03, "{path:?}, {load_n} N, {turns} turns: {conservative}");
                 let paper = by_load(sides.map(|n| mechanism.formal(n, twist_rad).unwrap().torque_nm));
                 violated = violated.min(paper);
             }
