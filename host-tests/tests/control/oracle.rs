@@ -56,7 +56,10 @@ impl Scenario {
         let telemetry = self.bench.last.as_ref().expect("a tick").telemetry;
         let quiet = now_s - self.disturbed_s > CHANGED_S;
         let at_work = matches!(telemetry.state, State::Ready | State::Moving | State::Holding);
-        let load = telemetry.load_n.zip(telemetry.load_error_n).filter(|_| telemetry.doubts == Doubts::NONE && !self.has_slipped);
+        let load = telemetry
+            .load_n
+            .zip(telemetry.load_error_n)
+            .filter(|_| telemetry.doubts == Doubts::NONE && !self.has_slipped);
         let position = telemetry.position_m.zip(telemetry.position_error_m);
         let beliefs = [("load", load, truth.load_n), ("position", position, self.bench.true_position_m())];
         for (k, (what, said, is)) in beliefs.into_iter().enumerate() {
