@@ -13,7 +13,7 @@ use crate::material::Material;
 use crate::parameters::{Geometry, Parameters, touches};
 use crate::quadrature::{LEVELS, Rule};
 use crate::rod::{Rod, RodResponse, RodShape, TipForce, outside_fit};
-use crate::scalar::{LAST_STEP_TOLERANCE, PRECISION, RESIDUAL, Scalar};
+use crate::scalar::{LAST_STEP_TOLERANCE, PRECISION, RESIDUAL, Scalar, ln};
 pub use crate::string::MINIMUM_LOAD_N;
 use crate::string::StringParameters;
 use core::f64::consts::PI;
@@ -114,11 +114,11 @@ impl<T: Scalar> Mechanism<T> {
             return slope(load_n).map(|nm: f64| -nm);
         }
         // In the logarithm of the load, as the radius has a term in 1/F; the rule has the positive half of its nodes.
-        let half = 0.5 * (load_n / SLACK_LOAD_N).ln();
+        let half = 0.5 * ln(load_n / SLACK_LOAD_N);
         let mut sum = slope(SLACK_LOAD_N)?;
         for (node, weight) in LEVELS[1].iter() {
             for at in [1.0 - node, 1.0 + node] {
-                sum += half * weight * slope(SLACK_LOAD_N * (half * at).exp())?;
+                sum += half * weight * slope(SLACK_LOAD_N * (1.0 + Scalar::exp_m1(half * at)))?;
             }
         }
         Ok(-sum)
