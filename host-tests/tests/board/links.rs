@@ -145,7 +145,8 @@ fn noise_on_the_line_moves_nothing_and_reports_are_still_heard() {
 #[test]
 fn over_the_serial_line_a_drive_that_is_not_heard_is_a_fault() {
     for (cause, ends) in [(RigFault::CanSilent, true), (RigFault::DriveReset, false)] {
-        let mut b = Bench::over_uart(&[], 6);
+        // A motor that holds the strings even without power.
+        let mut b = Bench::over_uart(&[("motor_friction", "0.3mNm")], 6);
         stands(&mut b);
         b.machine.board_mut().set_fault(cause, true);
         assert!(b.until(0.15, |b| b.state() == State::Fault), "{cause:?}");

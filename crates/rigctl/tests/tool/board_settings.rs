@@ -252,7 +252,7 @@ fn a_bent_sensor_is_calibrated_at_11_points_and_the_points_go_with_the_board() {
     let (file, backup) = (folder.join("points.csv"), folder.join("board.toml"));
     let [file_text, backup_text] = [&file, &backup].map(|path| path.to_str().expect("a path"));
     let at = |flash: &Path, twist: f64, more: &[&str]| {
-        let plant = format!("twist_at_boot={twist},load=0.15kg,lvdt_nonlinearity=0.005");
+        let plant = format!("twist_at_boot={twist},load=0.15kg,lvdt_nonlinearity=0.005,motor_friction=0.3mNm");
         on(flash, &[&["calibrate", "lvdt", "--plant", &plant], more].concat()).pop().expect("a result")
     };
     let number = |object: &Value, key: &str| object[key].as_f64().unwrap_or_else(|| panic!("{key} in {object}"));

@@ -204,7 +204,7 @@ fn the_dry_run_refuses_what_the_board_refuses() {
 
 #[test]
 fn raw_sensors_are_told_before_anything_is_homed() {
-    let arguments = ["sensors", "--seconds", "1", "--plant", "twist_at_boot=5", "--json"];
+    let arguments = ["sensors", "--seconds", "1", "--plant", "twist_at_boot=4", "--json"];
     let readings = lines(&rigctl(&arguments));
     assert!((4..=6).contains(&readings.len()), "{readings:?}");
     for reading in &readings {
@@ -212,7 +212,7 @@ fn raw_sensors_are_told_before_anything_is_homed() {
             let found = reading[key].as_f64().unwrap_or_else(|| panic!("no {key} in {reading}"));
             assert!((found - value).abs() < within, "{key} is {found}, not {value}");
         };
-        // At 5 rad the motor's friction holds the load even before the drive does.
+        // At 4 rad the motor's friction holds the load even before the drive does.
         near("gap_m", 0.0950, 0.0005);
         near("shaft_rad", 0.0, 0.05);
         near("drive_rad", 0.0, 0.05);
