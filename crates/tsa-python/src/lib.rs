@@ -105,7 +105,6 @@ impl Scene {
                 e.dgap_dtwist_m_per_rad,
                 e.dgap_dload_m_per_n,
                 e.torque_nm,
-                mechanism.conservative_torque_nm(query.load_n, twist_rad).map_err(|e| e.to_string())?,
             ])
         })
     }

@@ -68,8 +68,6 @@ class Equilibria:
     """Derivative of the gap by the load at constant twist (m/N)."""
     torque_nm: Array
     """Ideal motor torque by the paper's relation (N m)."""
-    conservative_torque_nm: Array
-    """Torque that conserves energy, -integral of dgap_dtwist over the load (N m)."""
     error: NDArray[np.str_]
     """Why a state was refused; empty where it was not."""
 
