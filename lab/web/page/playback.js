@@ -18,7 +18,10 @@ const playback = {
     player(document.getElementById("play"), (passed_s) => {
       playback.show(playback.time_s + passed_s);
       return playback.time_s < last;
-    }, () => { if (playback.time_s >= last) playback.time_s = 0; });
+    }, () => {
+      // The slider rounds to its step.
+      if (playback.time_s >= last - Number(playback.slider.step)) playback.time_s = 0;
+    });
     playback.slider.addEventListener("input", () => {
       stopPlaying();
       playback.show(Number(playback.slider.value));
