@@ -21,7 +21,6 @@ fn every_scene_in_the_folder_is_good() {
     }
 }
 
-/// The words in backquotes of a text.
 /// ∂T/∂F = −∂G/∂θ, or a cycle of load and twist would gain work. The paper's relation violates it. Where the material has a corner,
 /// the quadrature is good to 3 %.
 #[test]
@@ -47,6 +46,7 @@ fn the_torque_conserves_energy_in_every_scene() {
     assert!(violated < 0.6, "{violated}");
 }
 
+/// The words in backquotes of a text.
 fn quoted(text: &str) -> BTreeSet<String> {
     text.split('`').skip(1).step_by(2).map(ToOwned::to_owned).collect()
 }

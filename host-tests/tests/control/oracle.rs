@@ -110,8 +110,7 @@ impl Scenario {
         }
     }
 
-    fn home(&mut self) {
-        self.tick(Some(Request::HOME));
+    fn end_homing(&mut self) {
         let until_s = self.bench.time_s() + 60.0;
         while self.bench.control.state() == State::Homing && self.bench.time_s() < until_s {
             self.tick(None);
@@ -152,10 +151,7 @@ impl Scenario {
                 if random.random_bool(0.5) {
                     self.hang(self.load_kg + 0.3 * (other_kg - self.load_kg), false);
                 }
-                let until_s = self.bench.time_s() + 60.0;
-                while self.bench.control.state() == State::Homing && self.bench.time_s() < until_s {
-                    self.tick(None);
-                }
+                self.end_homing();
                 self.run(6.0);
             }
             8 => {
@@ -177,7 +173,8 @@ impl Scenario {
             self.tick(Some(Request::Clear));
             self.run(1.0);
             if self.bench.control.state() == State::Unhomed {
-                self.home();
+                self.tick(Some(Request::HOME));
+                self.end_homing();
             }
         }
     }
@@ -200,7 +197,8 @@ fn scenario(seed: u64) -> (Vec<String>, Vec<String>) {
         done: vec![format!("{kind} rig {seed}, {:.2} N", load_kg * STANDARD_GRAVITY)],
     };
     scenario.run(2.5);
-    scenario.home();
+    scenario.tick(Some(Request::HOME));
+    scenario.end_homing();
     for _ in 0..STEPS {
         scenario.step(&mut random);
     }

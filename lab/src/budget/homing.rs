@@ -1,9 +1,9 @@
 //! What homing makes of a gap that is not the table's: the least-squares fit of the weighing, to first order.
 //!
 //! The firmware fits the load, a scale of the twist, zero and slope of the LVDT, and the growth of the string radius to the gap
-//! over the twist, with priors (rig-control, `homing/load_estimate.rs`, whose constants these are). After the fit one
-//! scale stands for scale and growth, and a cubic goes through what load, scale and zero leave. For a change δG of the gap the fit moves by x = N⁻¹ (Jᵀ W δG + p), with J the derivatives of the
-//! gap by the unknowns, N = Jᵀ W J + P, and p what a prior is wrong by.
+//! over the twist, with priors (rig-control, `homing/load_estimate.rs`, whose constants these are). After the fit one scale
+//! stands for scale and growth, and a cubic goes through what load, scale and zero leave. For a change δG of the gap the fit
+//! moves by x = N⁻¹ (Jᵀ W δG + p), with J the derivatives of the gap by the unknowns, N = Jᵀ W J + P, and p what a prior is wrong by.
 
 use super::columns::{Column, State};
 use nalgebra::{Matrix4, SMatrix, SVector, Vector4};

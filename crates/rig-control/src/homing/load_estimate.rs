@@ -3,10 +3,10 @@
 //! The gap's curve over the twist alone cannot tell a heavier load from a thinner string or from another zero of the
 //! LVDT. So the fit has three sources, each weighted by its own error: the curve, by the residual that it leaves on this very
 //! rig; what the scene says of string radius and LVDT, by the scene's uncertainty; and the operator's weight, if one was given.
-//! The motor's current is no source: friction of motor and gear is several times what the load adds. Two errors that no rig is without are unknowns of the fit, or they
-//! would be taken for another load: a slope of the LVDT, and a radius that grows faster or slower with the twist than the
-//! table's. Friction is half of what the ways up and down differ by. One
-//! Gauss–Newton step is taken in each tick. The inverse of the last step's matrix is the covariance of the result.
+//! The motor's current is no source: on emulated plants of every kind the estimate is as good without it. Two errors that no
+//! rig is without are unknowns of the fit, or they would be taken for another load: a slope of the LVDT, and a radius that grows
+//! faster or slower with the twist than the table's. Friction is half of what the ways up and down differ by. One Gauss–Newton
+//! step is taken in each tick. The inverse of the last step's matrix is the covariance of the result.
 
 use super::sweeps::{Bin, Sweeps};
 use crate::RigConstants;

@@ -354,7 +354,7 @@ fn the_torque_of_the_surface_conserves_energy() {
     }
 }
 
-/// Up with one load and down with another: with a torque of the load times ∂G/∂θ, the motor would gain or lose a third of the work.
+/// Up with one load and down with another. A torque of the load times ∂G/∂θ does not keep this.
 #[test]
 fn a_cycle_of_twist_and_load_takes_no_work_but_that_of_the_damper() {
     let mut hung = Hung::new(&[("load", "1N"), ("damping", "0.2"), ("twist_at_boot", "5")]);
