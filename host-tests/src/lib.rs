@@ -15,6 +15,7 @@ pub mod physical_limit;
 pub mod results;
 pub mod rigs;
 pub mod scenario;
+pub mod slow;
 pub mod speed;
 pub mod study;
 pub mod sweep;

@@ -2,9 +2,7 @@
 //! W ± f.
 //!
 //! How far that is in twist is roughly known, and is turned at once instead of being left to the error to build up. A
-//! move that sets out waits for it with its set-point where it is. The rest of the way is crept along until the load is
-//! seen to move, because a table that is wrong by a hundredth of a millimetre of the gap is wrong by a tenth of a light
-//! load's pull.
+//! move that sets out waits for it with its set-point where it is, until it is done or the load is seen to move.
 
 use crate::TICK_S;
 use crate::load_state::LoadState;
@@ -15,8 +13,6 @@ use crate::ramp::Ramp;
 /// load, least of all back and forth about its target.
 const MOVING_FRACTION: f32 = 0.95;
 const REST_FRACTION: f32 = 0.8;
-/// Fraction of that under a light load, whose band is known to a sixth only: the rest is crept.
-const LIGHT_FRACTION: f32 = 0.92;
 /// Set-point speed (m/s) that is a move and not the last rounding of one.
 const MOVING_M_PER_S: f32 = 8e-6;
 /// Smoothed error at rest for which friction must be taken up: least (m), and over the noise of the gap in one tick.
@@ -24,20 +20,9 @@ const STUCK_M: f32 = 20e-6;
 const STUCK_NOISES: f32 = 3.0;
 /// Fraction of the motor's speed and acceleration for that; the rest is the move's.
 const LIMITS_FRACTION: f32 = 0.7;
-/// Speed of the load (m/s) that the strings creep by in the end, unless the move is slower.
-const CREEP_M_PER_S: f32 = 1e-3;
-/// Farthest that they creep: in gap (m) and as a fraction of the friction band.
-const CREEP_M: f32 = 0.1e-3;
-const CREEP_BAND: f32 = 0.5;
-/// Friction band (m) from which they creep at all, unless the load is light: less of it is known well enough.
-const MIN_CREEP_BAND_M: f32 = 0.18e-3;
-/// Friction as a fraction of the load above which a load is light.
-const LIGHT_FRICTION: f32 = 0.15;
 /// Motion that is no noise: least (m), and over the noise of the gap in one tick.
 const MOVED_M: f32 = 20e-6;
 const MOVED_NOISES: f32 = 4.0;
-/// Readings before motion can be told from noise.
-const MIN_READINGS: f32 = 4.0;
 
 /// Positions of a load that is still stuck.
 #[derive(Clone, Copy, Debug)]
@@ -45,17 +30,16 @@ struct StuckLoad {
     sum_m: f32,
     count: f32,
     last_m: f32,
-    creep_left_rad: f32,
 }
 
 impl StuckLoad {
-    const NEW: Self = Self { sum_m: 0.0, count: 0.0, last_m: 0.0, creep_left_rad: 0.0 };
+    const NEW: Self = Self { sum_m: 0.0, count: 0.0, last_m: 0.0 };
 
     /// Adds one position (m); whether the load has moved: along with its strings, or either way because it has changed.
     fn moved(&mut self, position_m: f32, noise_m: f32) -> bool {
         let moved_m = MOVED_M.max(MOVED_NOISES * noise_m);
         let recent_m = 0.5 * (self.last_m + position_m);
-        let moved = self.count >= MIN_READINGS && (recent_m - self.sum_m / self.count).abs() > moved_m;
+        let moved = self.count > 0.0 && (recent_m - self.sum_m / self.count).abs() > moved_m;
         self.sum_m += position_m;
         self.count += 1.0;
         self.last_m = position_m;
@@ -119,10 +103,10 @@ impl FrictionCompensation {
         self.left_s = 0.0;
     }
 
-    /// Twist speed (rad/s) that the compensation adds in this tick, at a smoothed error of the position (m). `setting_out` is the
-    /// speed (m/s) of a move whose set-point waits.
-    pub fn step(&mut self, set_point: &SetPoint, setting_out: Option<f32>, error_m: f32, load: &LoadState<'_>) -> f32 {
-        self.waiting &= setting_out.is_some();
+    /// Twist speed (rad/s) that the compensation adds in this tick, at a smoothed error of the position (m). `setting_out`: the
+    /// set-point of a move waits.
+    pub fn step(&mut self, set_point: &SetPoint, setting_out: bool, error_m: f32, load: &LoadState<'_>) -> f32 {
+        self.waiting &= setting_out;
         let stuck_m = STUCK_M.max(STUCK_NOISES * load.gap_noise_m);
         let (wanted, fraction) = match (set_point.speed_m_per_s, error_m) {
             (v, _) if v.abs() > MOVING_M_PER_S => (v, MOVING_FRACTION),
@@ -143,23 +127,17 @@ impl FrictionCompensation {
         self.left_s = (self.left_s - TICK_S).max(0.0);
         let before_rad = self.ramp.position;
         self.ramp.step(self.end_rad, limits.speed, limits.acceleration);
-        let mut turned_rad = self.ramp.position - before_rad;
+        let turned_rad = self.ramp.position - before_rad;
         if self.ramp.speed == 0.0 {
             self.ramp = Ramp::at(0.0);
             self.end_rad = 0.0;
         }
-        if let (true, Some(asked_m_per_s)) = (self.waiting, setting_out) {
+        if self.waiting {
             if self.stuck.moved(load.position_m, load.gap_noise_m) {
                 self.end_rad = self.ramp.stopping_point(limits.acceleration);
                 self.waiting = false;
-            } else if self.ramp.speed == 0.0 {
-                self.waiting = self.stuck.creep_left_rad > 0.0;
-                if self.waiting {
-                    let tr_rad_per_m = load.observation.point.tr_rad_per_m();
-                    let creep_rad = tr_rad_per_m * asked_m_per_s.min(CREEP_M_PER_S) * TICK_S;
-                    self.stuck.creep_left_rad -= creep_rad;
-                    turned_rad += direction * creep_rad;
-                }
+            } else {
+                self.waiting = self.ramp.speed != 0.0;
             }
         }
         turned_rad / TICK_S
@@ -174,10 +152,6 @@ impl FrictionCompensation {
         let end = load.mechanism.at(end_n, load.twist_rad);
         let band_m = 2.0 * friction_n * end.dgap_dload_m_per_n.max(observation.point.dgap_dload_m_per_n);
         let tr_rad_per_m = end.tr_rad_per_m();
-        let light = friction_n > LIGHT_FRICTION * observation.load_n;
-        let fraction = if light { fraction * LIGHT_FRACTION } else { fraction };
-        let creeps = light || band_m > MIN_CREEP_BAND_M;
-        self.stuck.creep_left_rad = if creeps { tr_rad_per_m * (CREEP_M + CREEP_BAND * band_m) } else { 0.0 };
         // A pull that is already past the end of the band needs nothing.
         if direction * (end_n - observation.pull_n) > 0.0 {
             let missing_m = (end.gap_m - observation.modelled_gap_m) * direction;

@@ -13,7 +13,7 @@ use crate::TICK_S;
 use crate::mechanism::Mechanism;
 
 /// Decay λ of the observer's errors (1/s): slow enough for 10 ms of delay that is not known, and for the noise of the gap.
-pub const OBSERVER_PER_S: f32 = 50.0;
+pub const OBSERVER_PER_S: f32 = 65.0;
 /// Standard gravity (m/s²): weight over mass.
 pub(crate) const STANDARD_GRAVITY_M_PER_S2: f32 = 9.806_65;
 /// Time from the readings of a tick to the middle of what its command does (s): half of the tick for which a speed holds, and

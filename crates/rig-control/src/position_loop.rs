@@ -10,14 +10,14 @@
 
 use crate::TICK_S;
 use crate::friction_compensation::FrictionCompensation;
-use crate::load_motion::{AHEAD_S, OBSERVER_PER_S};
+use crate::load_motion::AHEAD_S;
 use crate::load_state::LoadState;
 use crate::planner::SetPoint;
 use crate::rest::{Rest, Standing};
 
-/// Poles `(s + A)(s² + B s + C)` over ω, with a damping ratio of 0.41: chosen by load steps on emulated rigs
-/// (docs/explanation/control.md 3).
-const POLES: [f32; 3] = [0.55, 0.78, 0.9];
+/// Poles `(s + A)(s² + B s + C)` over ω, with a damping ratio of 0.32: chosen, with [`FULL_PER_S`] and the observer's decay, by the
+/// margins of the linear analysis and by load steps on emulated rigs (docs/explanation/control.md 3).
+const POLES: [f32; 3] = [0.5, 0.6, 0.9];
 /// Feedback of p, p'/ω and q, over ω, that places them: `s³ + K₂ s² + (1 + K₁) s + (K₀ + K₂)`.
 pub const GAINS: [f32; 3] = {
     let [a, b, c] = POLES;
@@ -26,10 +26,9 @@ pub const GAINS: [f32; 3] = {
 /// Fraction of the strings' maximum speed that damping the oscillation may use. With more, strings whose load has just become heavier would
 /// turn back and forth to damp its oscillation instead of taking it back to its place.
 const DAMPING_FRACTION: f32 = 0.8;
-/// Frequency of the load's oscillation (rad/s) from which the gains no longer grow with it, and from which those that damp it fall: the
-/// observer is then hardly faster than the load.
-pub const FULL_PER_S: f32 = 0.5 * OBSERVER_PER_S;
-const THIN_PER_S: f32 = 0.8 * OBSERVER_PER_S;
+/// Frequency of the load's oscillation (rad/s) from which the gains no longer grow with it, and those that damp it fall: the observer
+/// is then hardly faster than the load.
+pub const FULL_PER_S: f32 = 24.0;
 /// Slowest pole of the loop where the gains are full (1/s).
 pub const BANDWIDTH_PER_S: f32 = POLES[0] * FULL_PER_S;
 /// Speed over error (1/s) at which the strings turn for a load that sticks: slow enough that it is seen to move before it is past
@@ -48,8 +47,8 @@ const FORGOTTEN_S: f32 = 1.0;
 /// Fraction of the gains that damp the oscillation of a load at a frequency (rad/s): the faster the oscillation, the more of its phase the unknown
 /// part of the delay takes.
 pub fn damping_fraction(frequency: f32) -> f32 {
-    let thin = (THIN_PER_S / frequency).min(1.0);
-    (FULL_PER_S / frequency).min(1.0) * thin * thin
+    let full = (FULL_PER_S / frequency).min(1.0);
+    full * full * full
 }
 
 /// State of the loop.
@@ -73,8 +72,8 @@ pub struct LoopOutput {
 }
 
 impl PositionLoop {
-    /// One tick. `setting_out` is the speed (m/s) of a move whose set-point waits for friction to be taken up.
-    pub fn step(&mut self, set_point: &SetPoint, setting_out: Option<f32>, load: &LoadState<'_>) -> LoopOutput {
+    /// One tick. `setting_out`: the set-point of a move waits for friction to be taken up.
+    pub fn step(&mut self, set_point: &SetPoint, setting_out: bool, load: &LoadState<'_>) -> LoopOutput {
         let motion = &load.motion;
         let frequency_squared = motion.frequency_squared();
         let frequency = libm::sqrtf(frequency_squared);
@@ -106,7 +105,7 @@ impl PositionLoop {
             }
             Standing::Beside(stuck_m) => (STUCK_PER_S * stuck_m, stuck_m),
             // Neither is one that waits for its friction to be taken up.
-            Standing::Moves if setting_out.is_some() => (0.0, 0.0),
+            Standing::Moves if setting_out => (0.0, 0.0),
             Standing::Moves => (feedback, 0.0),
         };
         let compensation_rad_per_s = self.compensation.step(set_point, setting_out, stuck_m, load);
@@ -141,13 +140,13 @@ mod tests {
         for (got, wanted) in closed.into_iter().zip([a + b, a * b + c, a * c]) {
             assert!((got - wanted).abs() < 1e-6, "{closed:?}");
         }
-        assert!(b / (2.0 * libm::sqrtf(c)) > 0.4, "damping ratio");
+        assert!(b / (2.0 * libm::sqrtf(c)) > 0.3, "damping ratio");
     }
 
     #[test]
     fn damping_falls_where_the_load_swings_faster_than_the_observer_sees() {
         assert_eq!(damping_fraction(10.0), 1.0);
-        assert!((damping_fraction(2.0 * FULL_PER_S) - 0.5 * 0.8 * 0.8).abs() < 1e-6);
+        assert!((damping_fraction(2.0 * FULL_PER_S) - 0.125).abs() < 1e-6);
         assert!(damping_fraction(150.0) < 0.02);
     }
 }

@@ -13,12 +13,6 @@ pub const AT_REST_M: f32 = 6e-6;
 pub const AT_REST_NOISES: f32 = 1.7;
 /// Fraction of a jump below which an error is left alone.
 pub const JUMP_FRACTION: f32 = 0.55;
-/// The same while the move can come again instead: only a whole jump then leads to the target.
-const WHOLE_JUMP_FRACTION: f32 = 0.85;
-/// Maximum jump that stiction explains, as a fraction of friction over stiffness: break-away at one and a half times the friction.
-const LARGEST_JUMP: f32 = 1.0;
-/// A load that is left alone is taken care of again when its error has become so much greater than what was left.
-const AGAIN: f32 = 1.3;
 /// Way of two readings from the mean of those before that is motion and no noise: least (m), and over the noise of the gap.
 const MOVED_M: f32 = 20e-6;
 const MOVED_NOISES: f32 = 3.0;
@@ -34,10 +28,6 @@ const STILL_TICKS: u8 = 12;
 const MEAN_TICKS: u8 = 30;
 /// Way between two stands that is no noise, over the noise of their means.
 const DISTANCE_NOISES: f32 = 2.0;
-
-/// Fraction of an error that a way leaves at most if it leads nearer, and how many that do not are enough.
-const NEARER_FRACTION: f32 = 0.8;
-const INEFFECTIVE_MOVES: u8 = 2;
 
 /// What a load at its target does.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -60,22 +50,16 @@ pub struct Rest {
     /// For how many ticks it has been slow.
     slow_ticks: u8,
     stands: bool,
-    left_alone: bool,
     /// Error (m) where it last stood, and the twist (rad) until then.
     stood: Option<[f32; 2]>,
     /// How far it jumps (m), as seen at rest.
     jump_m: Option<f32>,
-    /// Ways past the target, one after the other, that have led no nearer.
-    ineffective_moves: u8,
-    /// A load that sticks beside its target will be moved back and come again.
-    pub comes_again: bool,
 }
 
 impl Rest {
     /// Error (m) at rest that stiction does not let the loop reduce, where homing saw jumps of a load so long (m).
     pub fn tolerance_m(&self, jump_m: f32) -> f32 {
-        let fraction = if self.comes_again { WHOLE_JUMP_FRACTION } else { JUMP_FRACTION };
-        fraction * self.jump_m.unwrap_or(jump_m)
+        JUMP_FRACTION * self.jump_m.unwrap_or(jump_m)
     }
 
     /// Error (m) below which a load at rest is left alone, with a noise of the gap in one tick (m, rms).
@@ -90,11 +74,12 @@ impl Rest {
         let recent_m = 0.5 * (error_m + core::mem::replace(&mut self.last_m, error_m));
         let still = self.ticks == 0 || (recent_m - self.error_m).abs() < MOVED_M.max(MOVED_NOISES * noise_m);
         if !(done && still) {
-            let largest_m = LARGEST_JUMP * load.observation.friction_n * load.observation.point.dgap_dload_m_per_n;
-            if !done || error_m.abs() > largest_m {
-                (self.stood, self.ineffective_moves) = (None, 0);
+            // Stiction of one and a half times the friction makes a jump of friction over stiffness: what is farther has another cause.
+            let longest_jump_m = load.observation.friction_n * load.observation.point.dgap_dload_m_per_n;
+            if !done || error_m.abs() > longest_jump_m {
+                self.stood = None;
             }
-            (self.ticks, self.slow_ticks, self.stands, self.left_alone) = (0, 0, false, false);
+            (self.ticks, self.slow_ticks, self.stands) = (0, 0, false);
             return Standing::Moves;
         }
         self.ticks = (self.ticks + 1).min(MEAN_TICKS);
@@ -111,13 +96,11 @@ impl Rest {
             self.see_way(load);
         }
         self.stood = Some([self.error_m, load.twist_rad]);
-        self.left_alone = self.error_m.abs() < if self.left_alone { AGAIN } else { 1.0 } * near_m;
-        if self.left_alone { Standing::LeftAlone } else { Standing::Beside(self.error_m) }
+        if self.error_m.abs() < near_m { Standing::LeftAlone } else { Standing::Beside(self.error_m) }
     }
 
     /// The load stands again. What it has risen more than its strings have turned for, it has jumped, if that took it past the
-    /// target; short of it, its jumps are no longer than this way. After some ways past the target that have led no nearer the
-    /// whole way counts as a jump, whatever made it so long: the next one would lead no nearer either.
+    /// target; short of it, its jumps are no longer than this way.
     fn see_way(&mut self, load: &LoadState<'_>) {
         let Some([before_m, before_rad]) = self.stood else { return };
         let rise_m = before_m - self.error_m;
@@ -127,14 +110,6 @@ impl Rest {
             return;
         }
         let past = self.error_m * before_m < 0.0;
-        let vain = past && self.error_m.abs() > NEARER_FRACTION * before_m.abs();
-        self.ineffective_moves = if vain { self.ineffective_moves.saturating_add(1) } else { 0 };
-        self.jump_m = if self.ineffective_moves >= INEFFECTIVE_MOVES {
-            Some(rise_m.abs())
-        } else if past {
-            Some(jump_m)
-        } else {
-            self.jump_m.map(|m| m.min(rise_m.abs()))
-        };
+        self.jump_m = if past { Some(jump_m) } else { self.jump_m.map(|m| m.min(rise_m.abs())) };
     }
 }

@@ -6,7 +6,7 @@ use anyhow::{Context, Result, bail};
 use clap::{Parser, Subcommand};
 use host_tests::results::{List, Section};
 use host_tests::study::{Rigs, Study};
-use host_tests::{compare, coverage, endurance, following, limit, margins, rigs, speed};
+use host_tests::{compare, coverage, endurance, following, limit, margins, rigs, slow, speed};
 
 #[derive(Parser)]
 #[command(version)]
@@ -33,6 +33,8 @@ enum Task {
     Margins(Rigs),
     /// How streamed sines are followed, over the frequency
     Following(Rigs),
+    /// Slow motion: how long a load stands, and how uneven its speed is
+    Slow(Rigs),
     /// The firmware's control beside the usual ways to drive a twisted string
     Compare(compare::study::Arguments),
     /// The control code on emulated rigs that are not their own model
@@ -63,6 +65,7 @@ fn measured(task: &Task) -> Result<Study> {
         Task::Speed(arguments) => speed::study(arguments),
         Task::Limit(rigs) => limit::study(rigs),
         Task::Margins(rigs) => margins::study(rigs),
+        Task::Slow(rigs) => Ok(slow::study(rigs)),
         Task::Following(rigs) => following::study(rigs),
         Task::Compare(arguments) => compare::study::study(arguments),
         Task::Rigs(arguments) => rigs::measured(arguments),

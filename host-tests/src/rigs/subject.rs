@@ -136,7 +136,8 @@ impl Subject {
         EmulatedRig::new(crate::scene(), settings, self.seed)
     }
 
-    fn settings(&self) -> PlantSettings {
+    /// What the plant is set to, but for load and twist at boot.
+    pub fn settings(&self) -> PlantSettings {
         let mut settings = PlantSettings::default();
         for change in &self.changes {
             settings.apply(*change).unwrap_or_else(|e| panic!("the study's own plant: {e}"));

@@ -234,3 +234,22 @@ fn strings_that_are_jogged_closed_and_let_go_are_reported() {
         false
     });
 }
+
+/// A rig without stiction has no break-away jumps: whatever small change of the load moves it past its target, it is brought back.
+#[test]
+fn a_small_change_of_the_load_leaves_no_error_where_nothing_sticks() {
+    for (seed, at_m) in [(1, 0.003f32), (2, 0.008), (3, 0.013), (4, 0.013)] {
+        for [from_kg, to_kg] in [[0.25f64, 0.3], [0.3, 0.25], [0.5, 0.55], [1.0, 0.9]] {
+            let mut d = homed(&[], &format!("{}kg", from_kg.max(to_kg)), "0.05", seed);
+            d.rig.set_plant("load", &format!("{from_kg}kg")).unwrap();
+            d.run(2.0);
+            track(&mut d, at_m);
+            d.run(1.0);
+            d.rig.set_plant("load", &format!("{to_kg}kg")).unwrap();
+            d.run(6.0);
+            let error_m = d.true_position_m() - f64::from(at_m);
+            println!("{seed} {from_kg} -> {to_kg} kg at {at_m} m: {:+.0} um", 1e6 * error_m);
+            assert!(error_m.abs() < 30e-6, "{from_kg} -> {to_kg} kg at {at_m} m: {error_m} m");
+        }
+    }
+}

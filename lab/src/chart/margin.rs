@@ -8,7 +8,9 @@
 //! the two lags assumed in crates/rmds405/README.md 2.7 (emulated, not measured). Friction is left out: it only damps.
 
 use super::damped;
-use nalgebra::{DMatrix, DVector};
+use anyhow::Result;
+use nalgebra::{Complex, DMatrix, DVector};
+use rig_config::Scene;
 use rig_plant::units::STANDARD_GRAVITY as STANDARD_GRAVITY_M_PER_S2;
 use tsa_model::{Mechanism, SolveError};
 
@@ -49,6 +51,15 @@ impl LinearLoop {
         Self { damps: true, gain_per_s: 1.0, ..Self::scheduled() }
     }
 
+    /// The same on a rig that it takes for another one.
+    pub fn damped_for(believed: &OperatingPoint) -> Self {
+        Self {
+            tr_rad_per_m: Some(believed.tr_rad_per_m),
+            stiffness_n_per_m: Some(believed.stiffness_n_per_m),
+            ..Self::damped()
+        }
+    }
+
     /// With TR at the load, below its resonance.
     pub fn scheduled() -> Self {
         Self {
@@ -66,6 +77,26 @@ impl LinearLoop {
     pub fn fixed(tr_rad_per_m: f64) -> Self {
         Self { tr_rad_per_m: Some(tr_rad_per_m), ..Self::scheduled() }
     }
+}
+
+/// The constants of a plant that is not what the table was made for are off by so much, each either way.
+pub const OFF: f64 = 0.1;
+
+/// Mechanisms that are not the scene's: every combination of k2, k3, K and the modulus off by [`OFF`] either way.
+///
+/// # Errors
+/// If a scene cannot be made.
+pub fn with_constants_off(scene: &Scene) -> Result<Vec<Mechanism>> {
+    let off = |bits: u32| {
+        let factor = |bit: u32| if bits >> bit & 1 == 0 { 1.0 - OFF } else { 1.0 + OFF };
+        let mut other = scene.clone();
+        other.string.k2 *= factor(0);
+        other.string.k3 *= factor(1);
+        other.string.stiffness_n_per_m *= factor(2);
+        other.material.stress_coefficients_pa.iter_mut().for_each(|a| *a *= factor(3));
+        Ok(other.mechanism()?)
+    };
+    (0..16).map(off).collect()
 }
 
 /// The mechanism with its load at one state.
@@ -115,8 +146,9 @@ impl OperatingPoint {
         (whole.view((0, 0), (4, 4)).into(), whole.view((0, 4), (4, 1)).column(0).into())
     }
 
-    /// Largest eigenvalue of the loop over one control period: below 1 every disturbance decays.
-    pub fn growth(&self, loop_: &LinearLoop) -> f64 {
+    /// The loop over one control period: its map, what one unit (m) more of the measured position adds to it, and what the
+    /// measured position is of each state.
+    fn period(&self, loop_: &LinearLoop) -> (DMatrix<f64>, DVector<f64>, DVector<f64>) {
         let period = loop_.period_s;
         let tr = loop_.tr_rad_per_m.unwrap_or(self.tr_rad_per_m);
         let blend = loop_.corner_rad_per_s * period / (1.0 + loop_.corner_rad_per_s * period);
@@ -133,40 +165,69 @@ impl OperatingPoint {
         // Rig (4), target of the drive, what the loop keeps (shaft and two smoothed errors, or more), positions under way.
         let kept = 5 + if loop_.damps { damped::KEPT } else { 3 };
         let size = kept + waiting;
-        let step = |state: &[f64]| {
+        // The next state, and the position that the loop was given.
+        let step = |state: &[f64], beside_m: f64| {
             let rig = DVector::from_column_slice(&state[..4]);
             let target = state[4];
             let measured = (seen.row(0) * &rig)[0] + seen_by_target[0] * target;
             let rig = &now * &rig + &by_target * target;
             let mut under_way = vec![measured];
             under_way.extend(&state[kept..]);
-            let error = -under_way[waiting];
+            let given_m = under_way[waiting] + beside_m;
             under_way.truncate(waiting);
             if loop_.damps {
                 // The firmware knows the age of the block, but not a further delay.
                 let (age_s, twist_rad) = (AGE_S.min(period), rig[2]);
                 let twist_then_rad = twist_rad - (twist_rad - state[2]) * age_s / period;
-                let position_m = -loop_.gain_per_s * error;
+                let position_m = loop_.gain_per_s * given_m;
                 let seen = damped::Seen { position_m, twist_then_rad, twist_rad, age_s, period_s: period };
                 let (target, kept) = damped::step(&state[5..kept], &seen, &believed, LEAD_S);
-                return rig.iter().copied().chain([target]).chain(kept).chain(under_way).collect::<Vec<f64>>();
+                return (
+                    rig.iter().copied().chain([target]).chain(kept).chain(under_way).collect::<Vec<f64>>(),
+                    given_m,
+                );
             }
-            let first = state[6] + blend * (error - state[6]);
+            let first = state[6] + blend * (-given_m - state[6]);
             let second = state[7] + blend * (first - state[7]);
             let speed = tr * loop_.gain_per_s * second;
             let shaft = state[5] + speed * period;
             let mut next: Vec<f64> = rig.iter().copied().collect();
             next.extend([shaft + LEAD_S * speed, shaft, first, second]);
             next.extend(under_way);
-            next
+            (next, given_m)
         };
-        let mut map = DMatrix::zeros(size, size);
+        let (mut map, mut given) = (DMatrix::zeros(size, size), DVector::zeros(size));
         for column in 0..size {
             let mut unit = vec![0.0; size];
             unit[column] = 1.0;
-            map.set_column(column, &DVector::from_vec(step(&unit)));
+            let (next, given_m) = step(&unit, 0.0);
+            map.set_column(column, &DVector::from_vec(next));
+            given[column] = given_m;
         }
-        map.complex_eigenvalues().iter().map(|value| value.norm()).fold(0.0, f64::max)
+        (map, DVector::from_vec(step(&vec![0.0; size], 1.0).0), given)
+    }
+
+    /// Largest eigenvalue of the loop over one control period: below 1 every disturbance decays.
+    pub fn growth(&self, loop_: &LinearLoop) -> f64 {
+        self.period(loop_).0.complex_eigenvalues().iter().map(|value| value.norm()).fold(0.0, f64::max)
+    }
+
+    /// Peak sensitivity: how many times the loop enlarges an error of the measured position at most, over all frequencies. Its
+    /// inverse is the shortest distance of the open loop from −1. Infinite where the loop is unstable.
+    pub fn peak_sensitivity(&self, loop_: &LinearLoop) -> f64 {
+        if self.growth(loop_) > 1.0 + ROUNDING {
+            return f64::INFINITY;
+        }
+        let (map, by_error, given) = self.period(loop_);
+        let complex = |x: f64| Complex::new(x, 0.0);
+        let (map, by_error) = (map.map(complex), by_error.map(complex));
+        let at = |k: usize| {
+            let phase = std::f64::consts::PI * (k as f64 / FREQUENCIES as f64).powi(2);
+            let turned = DMatrix::identity(map.nrows(), map.nrows()) * Complex::from_polar(1.0, phase) - &map;
+            let state = turned.lu().solve(&by_error)?;
+            Some((state.iter().zip(&given).map(|(x, g)| x * g).sum::<Complex<f64>>() + complex(1.0)).norm())
+        };
+        (1..=FREQUENCIES).filter_map(at).fold(0.0, f64::max)
     }
 
     /// By how much the gain may be multiplied before the loop is unstable; below 1 it already is. At most [`MAX`].
@@ -187,6 +248,8 @@ impl OperatingPoint {
 pub const MIN: f64 = 0.02;
 /// Maximum factor that is considered.
 pub const MAX: f64 = 20.0;
+/// Frequencies at which the sensitivity is computed, up to that of half the sampling: denser where they are low.
+const FREQUENCIES: usize = 200;
 /// An eigenvalue this far outside the circle is rounding.
 const ROUNDING: f64 = 1e-9;
 /// Steps in which the limit is looked for, each by the same factor; then halved.
@@ -228,6 +291,26 @@ mod tests {
             let off = LinearLoop { stiffness_n_per_m: Some(factor * OSCILLATIONS.stiffness_n_per_m), ..c };
             assert!(OSCILLATIONS.growth(&off) < 1.0, "{factor}");
         }
+    }
+
+    /// The sensitivity 1/(1 + L) of an integrator with a delay τ, L = K e^(−sτ)/s, is computed by that formula beside it. Every loop
+    /// with a gain margin M has a peak of at least M/(M − 1).
+    #[test]
+    fn the_peak_of_the_sensitivity_is_that_of_the_formula_and_no_less_than_its_gain_margin_asks() {
+        let c = LinearLoop { corner_rad_per_s: 2000.0, gain_per_s: 2.0, ..LinearLoop::scheduled() };
+        let delay_s = 0.125 - AGE_S - 1.5 * c.period_s;
+        let peak = STIFF.peak_sensitivity(&LinearLoop { delay_s, ..c });
+        let formula = (1..2000).map(|k| {
+            let w = 0.01 * f64::from(k);
+            1.0 / (Complex::from_polar(2.0 / w, -0.125 * w - std::f64::consts::FRAC_PI_2) + 1.0).norm()
+        });
+        let formula = formula.fold(0.0, f64::max);
+        assert!((peak / formula - 1.0).abs() < 0.03, "{peak} {formula}");
+        let (c, margin) = (LinearLoop::damped(), OSCILLATIONS.gain_margin(&LinearLoop::damped()));
+        let peak = OSCILLATIONS.peak_sensitivity(&c);
+        assert!(peak > 0.999 * margin / (margin - 1.0) && peak < 3.0, "{peak} {margin}");
+        let unstable = LinearLoop { gain_per_s: 1.1 * margin, ..c };
+        assert_eq!(OSCILLATIONS.peak_sensitivity(&unstable), f64::INFINITY);
     }
 
     /// So stiff that the load is where the strings are.

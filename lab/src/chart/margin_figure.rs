@@ -1,19 +1,16 @@
 //! Stability in time as a picture.
 
 use super::grid::Grid;
-use super::margin::{LinearLoop, MAX, OperatingPoint};
+use super::margin::{LinearLoop, MAX, OFF, OperatingPoint, with_constants_off};
 use super::{Inputs, Made};
 use crate::table;
 use anyhow::{Context, Result};
-use rig_config::Scene;
 use rigctl::parallel::{Progress, parallel};
 use rigctl::plot::{Axis, Block, Figure, INK, Item, KeyRow, Panel, Pen, RGBColor, colour, extent};
 use tsa_model::{Mechanism, twist_from_turns};
 
 /// Loads and twists of a map.
 const CELLS: (usize, usize) = (24, 24);
-/// The constants of a plant that is not what the table was made for are off by so much, each either way.
-const OFF: f64 = 0.1;
 /// Fixed ratio (rad/m), gain (1/s) and corner (rad/s) with the least tracking error, as `cargo xtask compare` found them.
 const SEARCHED: (f64, f64, f64) = (2757.0, 7.5, 21.8);
 /// Longest delay and control period that are drawn (s).
@@ -77,14 +74,15 @@ pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
         findings.push(format!("{name:<32} gain margin {min:.2} to {max:.1}; unstable at {unstable} of {count} states"));
         loops.push((name.to_owned(), weakest));
     }
-    let off = with_constants_off(scene, &grid, &nominal, progress)?;
+    let off = weakest_off(&with_constants_off(scene)?, &grid, &nominal, progress)?;
     let name = format!("this firmware, constants {:.0} % off", OFF * 100.0);
     findings.push(format!("{name}: at least {:.2}, at {:.1} N and {:.1} turns", off.0, off.1.0, off.1.1));
     loops.insert(1, (name, off));
     findings.extend(loops.iter().map(|(name, (_, (.., hung), controller))| {
         let delay_ms = 1e3 * hung.delay_margin(controller, LONGEST_S);
         let resonance = hung.resonance_rad_per_s();
-        format!("{name:<32} weakest state: {delay_ms:.0} ms more delay; resonance {resonance:.0} rad/s")
+        let peak = hung.peak_sensitivity(controller);
+        format!("{name:<32} weakest state: {delay_ms:.0} ms more delay; peak sensitivity {peak:.2}; resonance {resonance:.0} rad/s")
     }));
 
     let along = |change: fn(&LinearLoop, f64) -> LinearLoop, time: fn(f64) -> f64| {
@@ -128,30 +126,19 @@ pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
     Made::new(&figure, table(header, rows)?, findings)
 }
 
-/// Where the firmware's loop, which stands on the table's ratio, is weakest on plants that are not the table's: every combination
-/// of k2, k3, K and the modulus off by [`OFF`] either way.
-fn with_constants_off(
-    scene: &Scene,
+/// Where the firmware's loop, which stands on the table's ratio, is weakest on mechanisms that are not the table's.
+fn weakest_off(
+    mechanisms: &[Mechanism],
     grid: &Grid,
     nominal: &[Option<State>],
     progress: &Progress<'_>,
 ) -> Result<Weakest> {
     let mut worst: Option<Weakest> = None;
-    for bits in 0..16u32 {
-        let factor = |bit: u32| if bits >> bit & 1 == 0 { 1.0 - OFF } else { 1.0 + OFF };
-        let mut other = scene.clone();
-        other.string.k2 *= factor(0);
-        other.string.k3 *= factor(1);
-        other.string.stiffness_n_per_m *= factor(2);
-        other.material.stress_coefficients_pa.iter_mut().for_each(|a| *a *= factor(3));
-        let states = hung(&other.mechanism()?, grid, progress);
+    for mechanism in mechanisms {
+        let states = hung(mechanism, grid, progress);
         let found = parallel(progress, states.len(), |k| {
             let (state, (.., table)) = (states[k]?, nominal[k]?);
-            let c = LinearLoop {
-                tr_rad_per_m: Some(table.tr_rad_per_m),
-                stiffness_n_per_m: Some(table.stiffness_n_per_m),
-                ..LinearLoop::damped()
-            };
+            let c = LinearLoop::damped_for(&table);
             Some((state.2.gain_margin(&c), state, c))
         });
         worst = min(worst.into_iter().chain(found.into_iter().flatten()));

@@ -8,18 +8,15 @@ use crate::position_loop::{LoopOutput, PositionLoop};
 use crate::{RigConstants, TICK_S};
 use rig_link::messages::Limit;
 
-/// Error within which a load counts as arrived: half an LVDT count (m), or more where the gap is noisier or the load jumps.
+/// Error within which a load counts as arrived: half an LVDT count (m), or more where the gap is noisier.
 /// The loop goes on holding after that.
 const ARRIVED_M: f32 = 25e-6;
 const ARRIVED_NOISES: f32 = 2.5;
-const ARRIVED_JUMP: f32 = 0.15;
 /// A load that sticks farther from its target than that, and nearer than another jump would bring it, is moved back and
 /// comes again, once: on hard rigs a second time takes longer and is hardly better (docs/explanation/control.md 4). It
 /// goes back by so many jumps, farther than its friction band.
 const STUCK_TICKS: u16 = ticks(20);
 const BACK_JUMPS: f32 = 2.0;
-/// Fraction of the error that the next approach aims beyond the target.
-const AIM_FRACTION: f32 = 0.7;
 /// A set-point waits for strings that are behind it, because the load has changed while they turn as fast as they can: from the first
 /// distance (m) on it is slower, and from the second on it has the smallest fraction of the motor's speed.
 const BEHIND_M: [f32; 2] = [0.5e-3, 1.5e-3];
@@ -55,14 +52,12 @@ impl LoadControl {
 
     /// The same, with its set-point at a position (m) that a move has ended at.
     fn holding(self, position_m: f32) -> Self {
-        let mut control = Self { planner: Planner::at(position_m), ..self };
-        control.position_loop.rest.comes_again = false;
-        control
+        Self { planner: Planner::at(position_m), ..self }
     }
 
     /// One tick under way.
     pub(super) fn follow(&mut self, set_point: &SetPoint, load: &LoadState<'_>) -> LoopOutput {
-        self.position_loop.step(set_point, None, load)
+        self.position_loop.step(set_point, false, load)
     }
 
     /// One tick at the target.
@@ -85,9 +80,9 @@ pub(super) struct Move {
     /// Set-point less the load's place of rest in the last tick (m).
     rest_error_m: f32,
     pub(super) stopping: bool,
-    /// Whether it may still come again, and where it aims then (m) while it goes back for it.
+    /// Whether it may still come again, and whether it goes back for that.
     may_come_again: bool,
-    next_aim_m: Option<f32>,
+    goes_back: bool,
     stuck_ticks: u16,
     /// Time until the set-point is at its target, friction compensation aside (s); `None` before the first tick and in a stop.
     run_s: Option<f32>,
@@ -125,7 +120,7 @@ impl Move {
             rest_error_m: 0.0,
             stopping: false,
             may_come_again: true,
-            next_aim_m: None,
+            goes_back: false,
             stuck_ticks: 0,
             run_s: None,
             rest_ticks: 0,
@@ -144,33 +139,30 @@ impl Move {
 
     /// Error (m) within which this load counts as arrived.
     fn arrived_m(load: &LoadState<'_>) -> f32 {
-        ARRIVED_M.max(ARRIVED_NOISES * load.gap_noise_m).max(ARRIVED_JUMP * load.jump_m)
+        ARRIVED_M.max(ARRIVED_NOISES * load.gap_noise_m)
+    }
+
+    /// Whether the load would go back and come again if it stuck beside its target: only one whose jumps homing saw.
+    fn comes_again(&self, load: &LoadState<'_>) -> bool {
+        self.may_come_again && load.jump_m > 0.0
     }
 
     /// With the set-point at its target: lets a load that sticks beside the target go back and come again.
     fn approach_again(&mut self, load: &LoadState<'_>) {
-        if let Some(aim_m) = self.next_aim_m.take() {
-            self.control.go_to(aim_m);
+        if core::mem::take(&mut self.goes_back) {
+            self.control.go_to(self.target_m);
             return;
         }
         let error_m = self.target_m - load.position_m;
-        // Farther away the loop brings it nearer by itself, unless it is held where it aimed when it came again.
-        let left = error_m.abs() < self.control.position_loop.rest.tolerance_m(load.jump_m) || !self.may_come_again;
+        // Farther away the loop brings it nearer by itself.
+        let left = error_m.abs() < self.control.position_loop.rest.tolerance_m(load.jump_m);
         let sticks =
-            load.jump_m > 0.0 && error_m.abs() > Self::arrived_m(load) && left && load.observation.moved_m == 0.0;
-        self.control.position_loop.rest.comes_again = load.jump_m > 0.0 && self.may_come_again;
-        if !lasts(&mut self.stuck_ticks, sticks, STUCK_TICKS) {
-            return;
-        }
-        if !self.may_come_again {
-            // The loop takes it from where the second approach has led it.
-            self.control.planner = Planner::at(self.target_m);
-        } else {
+            self.comes_again(load) && error_m.abs() > Self::arrived_m(load) && left && load.observation.moved_m == 0.0;
+        if lasts(&mut self.stuck_ticks, sticks, STUCK_TICKS) {
             let back_m = (BACK_JUMPS * load.jump_m).min(self.distance_m.abs());
             self.may_come_again = false;
-            self.stuck_ticks = 0;
+            self.goes_back = true;
             self.rest_ticks = 0;
-            self.next_aim_m = Some(self.control.planner.target_m() + AIM_FRACTION * error_m);
             self.control.go_to(self.target_m - libm::copysignf(back_m, self.distance_m));
         }
     }
@@ -180,9 +172,8 @@ impl Move {
         if !self.stopping {
             self.stopping = true;
             self.run_s = None;
-            self.next_aim_m = None;
+            self.goes_back = false;
             self.may_come_again = false;
-            self.control.position_loop.rest.comes_again = false;
             match &self.limits {
                 Some(limits) => self.control.planner.brake(limits),
                 // Before its first tick it stands.
@@ -223,8 +214,7 @@ impl Move {
             }
         }
         let set_point = if waiting { control.planner.wait() } else { control.planner.step(&limits) };
-        let setting_out = waiting.then_some(*speed_m_per_s);
-        let output = control.position_loop.step(&set_point, setting_out, load);
+        let output = control.position_loop.step(&set_point, waiting, load);
         self.rest_error_m = output.rest_error_m;
         if waiting && !control.position_loop.compensation.is_waiting() {
             // The load has broken loose, and may have jumped.
@@ -246,10 +236,9 @@ impl Move {
         }
         let error_m = self.target_m - load.position_m;
         // What stiction leaves, once the load does not come again.
-        let comes_again = load.jump_m > 0.0 && self.may_come_again;
         let left_m = self.control.position_loop.rest.left_alone_m(load.gap_noise_m, load.jump_m);
-        let near_m = Self::arrived_m(load).max(if comes_again { 0.0 } else { left_m });
-        let near = self.next_aim_m.is_none() && error_m.abs() < near_m;
+        let near_m = Self::arrived_m(load).max(if self.comes_again(load) { 0.0 } else { left_m });
+        let near = !self.goes_back && error_m.abs() < near_m;
         let arrived = lasts(&mut self.near_ticks, near, ARRIVED_TICKS);
         let ended = lasts(&mut self.end_ticks, at_end, END_TICKS);
         self.rest_ticks += 1;
