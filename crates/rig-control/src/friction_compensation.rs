@@ -15,14 +15,8 @@ const MOVING_FRACTION: f32 = 0.95;
 const REST_FRACTION: f32 = 0.8;
 /// Set-point speed (m/s) that is a move and not the last rounding of one.
 const MOVING_M_PER_S: f32 = 8e-6;
-/// Smoothed error at rest for which friction must be taken up: least (m), and over the noise of the gap in one tick.
-const STUCK_M: f32 = 20e-6;
-const STUCK_NOISES: f32 = 3.0;
 /// Fraction of the motor's speed and acceleration for that; the rest is the move's.
 const LIMITS_FRACTION: f32 = 0.7;
-/// Motion that is no noise: least (m), and over the noise of the gap in one tick.
-const MOVED_M: f32 = 20e-6;
-const MOVED_NOISES: f32 = 4.0;
 
 /// Positions of a load that is still stuck.
 #[derive(Clone, Copy, Debug)]
@@ -35,14 +29,13 @@ struct StuckLoad {
 impl StuckLoad {
     const NEW: Self = Self { sum_m: 0.0, count: 0.0, last_m: 0.0 };
 
-    /// Adds one position (m); whether the load has moved: along with its strings, or either way because it has changed.
-    fn moved(&mut self, position_m: f32, noise_m: f32) -> bool {
-        let moved_m = MOVED_M.max(MOVED_NOISES * noise_m);
-        let recent_m = 0.5 * (self.last_m + position_m);
-        let moved = self.count > 0.0 && (recent_m - self.sum_m / self.count).abs() > moved_m;
-        self.sum_m += position_m;
+    /// Adds one position; whether the load has moved: along with its strings, or either way because it has changed.
+    fn moved(&mut self, load: &LoadState<'_>) -> bool {
+        let recent_m = 0.5 * (self.last_m + load.position_m);
+        let moved = self.count > 0.0 && (recent_m - self.sum_m / self.count).abs() > load.moved_m();
+        self.sum_m += load.position_m;
         self.count += 1.0;
-        self.last_m = position_m;
+        self.last_m = load.position_m;
         moved
     }
 }
@@ -107,12 +100,11 @@ impl FrictionCompensation {
     /// set-point of a move waits.
     pub fn step(&mut self, set_point: &SetPoint, setting_out: bool, error_m: f32, load: &LoadState<'_>) -> f32 {
         self.waiting &= setting_out;
-        let stuck_m = STUCK_M.max(STUCK_NOISES * load.gap_noise_m);
         let (wanted, fraction) = match (set_point.speed_m_per_s, error_m) {
             (v, _) if v.abs() > MOVING_M_PER_S => (v, MOVING_FRACTION),
             // About to begin or to end.
             _ if !set_point.done => (self.direction, MOVING_FRACTION),
-            (_, e) if e.abs() > stuck_m => (e, REST_FRACTION),
+            (_, e) if e.abs() > load.moved_m() => (e, REST_FRACTION),
             _ => (0.0, 0.0),
         };
         let direction = if wanted == 0.0 { 0.0 } else { libm::copysignf(1.0, wanted) };
@@ -133,7 +125,7 @@ impl FrictionCompensation {
             self.end_rad = 0.0;
         }
         if self.waiting {
-            if self.stuck.moved(load.position_m, load.gap_noise_m) {
+            if self.stuck.moved(load) {
                 self.end_rad = self.ramp.stopping_point(limits.acceleration);
                 self.waiting = false;
             } else {

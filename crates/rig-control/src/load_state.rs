@@ -10,6 +10,10 @@ use crate::ramp::Ramp;
 /// How far below the half-turn pre-twist the strings may be untwisted by the loop (rad).
 const BELOW_PRETWIST: f32 = 0.15;
 
+/// Way of two readings from the mean of those before that is motion and no noise: least (m), and over the noise of the gap.
+const MOVED_M: f32 = 20e-6;
+const MOVED_NOISES: f32 = 4.0;
+
 /// The load in one tick.
 #[derive(Clone, Copy, Debug)]
 pub struct LoadState<'t> {
@@ -34,6 +38,11 @@ pub struct LoadState<'t> {
 }
 
 impl LoadState<'_> {
+    /// Way of two readings from the mean of those before (m) that is motion and no noise.
+    pub fn moved_m(&self) -> f32 {
+        MOVED_M.max(MOVED_NOISES * self.gap_noise_m)
+    }
+
     /// Set-point of the shaft one tick later, with strings that are to turn at a speed (rad/s), as far as the motor can follow and
     /// the strings' travel goes; and whether they are at the end of it. `zero_rad` is where the shaft has zero twist (rad).
     pub fn turned(&self, shaft: Ramp, zero_rad: f32, twist_speed_rad_per_s: f32) -> (Ramp, bool) {

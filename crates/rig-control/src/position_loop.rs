@@ -28,7 +28,7 @@ pub const GAINS: [f32; 3] = {
 const DAMPING_FRACTION: f32 = 0.8;
 /// Frequency of the load's oscillation (rad/s) from which the gains no longer grow with it, and those that damp it fall: the observer
 /// is then hardly faster than the load.
-pub const FULL_PER_S: f32 = 24.0;
+pub const FULL_PER_S: f32 = 23.0;
 /// Slowest pole of the loop where the gains are full (1/s).
 pub const BANDWIDTH_PER_S: f32 = POLES[0] * FULL_PER_S;
 /// Speed over error (1/s) at which the strings turn for a load that sticks: slow enough that it is seen to move before it is past

@@ -13,9 +13,6 @@ pub const AT_REST_M: f32 = 6e-6;
 pub const AT_REST_NOISES: f32 = 1.7;
 /// Fraction of a jump below which an error is left alone.
 pub const JUMP_FRACTION: f32 = 0.55;
-/// Way of two readings from the mean of those before that is motion and no noise: least (m), and over the noise of the gap.
-const MOVED_M: f32 = 20e-6;
-const MOVED_NOISES: f32 = 3.0;
 /// Speed below which a load stands: least (m/s), and over the noise of the gap (1/s), two standard deviations of the observed
 /// speed; for how many ticks.
 const STANDS_M_PER_S: f32 = 1e-3;
@@ -26,8 +23,6 @@ const STANDS_TICKS: u8 = 6;
 const STILL_TICKS: u8 = 12;
 /// Ticks over which the error of a load that stands is averaged at most.
 const MEAN_TICKS: u8 = 30;
-/// Way between two stands that is no noise, over the noise of their means.
-const DISTANCE_NOISES: f32 = 2.0;
 
 /// What a load at its target does.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -50,6 +45,7 @@ pub struct Rest {
     /// For how many ticks it has been slow.
     slow_ticks: u8,
     stands: bool,
+    left_alone: bool,
     /// Error (m) where it last stood, and the twist (rad) until then.
     stood: Option<[f32; 2]>,
     /// How far it jumps (m), as seen at rest.
@@ -72,14 +68,19 @@ impl Rest {
         let noise_m = load.gap_noise_m;
         let near_m = self.left_alone_m(noise_m, load.jump_m);
         let recent_m = 0.5 * (error_m + core::mem::replace(&mut self.last_m, error_m));
-        let still = self.ticks == 0 || (recent_m - self.error_m).abs() < MOVED_M.max(MOVED_NOISES * noise_m);
+        let still = self.ticks == 0 || (recent_m - self.error_m).abs() < load.moved_m();
+        if done && !still && self.left_alone && recent_m.abs() < near_m {
+            // It has moved within what is left alone, or noise looks so.
+            (self.ticks, self.error_m) = (1, recent_m);
+            return Standing::LeftAlone;
+        }
         if !(done && still) {
             // Stiction of one and a half times the friction makes a jump of friction over stiffness: what is farther has another cause.
             let longest_jump_m = load.observation.friction_n * load.observation.point.dgap_dload_m_per_n;
             if !done || error_m.abs() > longest_jump_m {
                 self.stood = None;
             }
-            (self.ticks, self.slow_ticks, self.stands) = (0, 0, false);
+            (self.ticks, self.slow_ticks, self.stands, self.left_alone) = (0, 0, false, false);
             return Standing::Moves;
         }
         self.ticks = (self.ticks + 1).min(MEAN_TICKS);
@@ -96,7 +97,8 @@ impl Rest {
             self.see_way(load);
         }
         self.stood = Some([self.error_m, load.twist_rad]);
-        if self.error_m.abs() < near_m { Standing::LeftAlone } else { Standing::Beside(self.error_m) }
+        self.left_alone = self.error_m.abs() < near_m;
+        if self.left_alone { Standing::LeftAlone } else { Standing::Beside(self.error_m) }
     }
 
     /// The load stands again. What it has risen more than its strings have turned for, it has jumped, if that took it past the
@@ -106,7 +108,7 @@ impl Rest {
         let rise_m = before_m - self.error_m;
         let turned_m = (load.twist_rad - before_rad) / load.observation.point.tr_rad_per_m();
         let jump_m = ((rise_m - turned_m) * libm::copysignf(1.0, rise_m)).clamp(0.0, rise_m.abs());
-        if rise_m.abs() < AT_REST_M.max(DISTANCE_NOISES * load.gap_noise_m) {
+        if rise_m.abs() < load.moved_m() {
             return;
         }
         let past = self.error_m * before_m < 0.0;

@@ -90,6 +90,19 @@ fn a_way_past_the_target_is_a_jump_less_what_the_strings_have_turned() {
 }
 
 #[test]
+fn a_load_that_moves_within_what_is_left_alone_stays_left_alone() {
+    let mut load = load();
+    load.jump_m = 0.4e-3;
+    let mut rest = Rest::default();
+    assert_eq!(at(&mut rest, 0.2e-3, 40, &load), Standing::LeftAlone);
+    assert_eq!(at(&mut rest, -0.2e-3, 1, &load), Standing::LeftAlone);
+    assert_eq!(at(&mut rest, -0.2e-3, 40, &load), Standing::LeftAlone);
+    // Two readings outside are motion, at once.
+    at(&mut rest, -0.5e-3, 2, &load);
+    assert_eq!(at(&mut rest, -0.5e-3, 1, &load), Standing::Moves);
+}
+
+#[test]
 fn a_way_to_another_target_is_no_jump() {
     let load = load();
     let mut rest = Rest::default();
