@@ -283,6 +283,8 @@ named_codes! {
         Travel = 3, "travel";
         /// The motor is at its maximum acceleration.
         MotorAcceleration = 5, "motor-acceleration";
+        /// The set-point of a stream moves, and the rail's friction holds the load.
+        Friction = 6, "friction";
     }
 }
 

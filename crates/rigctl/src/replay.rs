@@ -36,8 +36,8 @@ const SPEED_TICKS: usize = 10;
 
 /// Load (share), set-point (m, beyond those of the neighbouring ticks) and twist speed (rad/s) by which recorded and
 /// replayed have parted. The drive's own loop follows a steep command by up to 0.8 rad/s otherwise than a mere delay
-/// would.
-pub const PARTED: (f64, f64, f64) = (0.01, 10e-6, 1.0);
+/// would, and a load that comes to rest can be seen to stand a few ticks earlier or later: 1.05 rad/s on the emulated board.
+pub const PARTED: (f64, f64, f64) = (0.01, 10e-6, 1.5);
 
 /// Largest and rms difference, replayed less recorded.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]

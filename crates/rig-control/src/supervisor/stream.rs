@@ -35,6 +35,8 @@ pub(super) struct Stream {
     age_s: f32,
     for_s: f32,
     accelerates_s: f32,
+    /// Where the set-point was (m) when the load last moved.
+    moved_at_m: f32,
     /// Speed (m/s) that is not exceeded.
     speed_max_m_per_s: f32,
     /// Those of the last tick.
@@ -63,6 +65,7 @@ impl Stream {
             age_s: 0.0,
             for_s: first.for_s,
             accelerates_s: 0.0,
+            moved_at_m: control.planner.set_point_m(),
             speed_max_m_per_s,
             limits: None,
         }
@@ -125,7 +128,11 @@ impl Stream {
         self.limits = Some(limits);
         let (set_point, held_back) = self.control.planner.follow(&self.target, &limits);
         let output = self.control.follow(&set_point, load);
-        (output, held_back.then_some(Limit::MotorSpeed))
+        if observation.moved_m > 0.0 {
+            self.moved_at_m = set_point.position_m;
+        }
+        let sticks = (set_point.position_m - self.moved_at_m).abs() > load.moved_m();
+        (output, held_back.then_some(Limit::MotorSpeed).or(sticks.then_some(Limit::Friction)))
     }
 }
 

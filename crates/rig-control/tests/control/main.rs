@@ -2,6 +2,7 @@
 //! that the table is fitted and the rig homed once.
 
 mod bench;
+mod constants;
 mod faults;
 mod fixture;
 mod friction_compensation;
