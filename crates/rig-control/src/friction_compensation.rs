@@ -9,12 +9,8 @@ use crate::load_state::LoadState;
 use crate::planner::SetPoint;
 use crate::ramp::Ramp;
 
-/// Fraction of the way that is turned ahead, as a move begins and at rest: a friction that is known badly must not push the
-/// load, least of all back and forth about its target.
-const MOVING_FRACTION: f32 = 0.95;
-const REST_FRACTION: f32 = 0.8;
-/// Set-point speed (m/s) that is a move and not the last rounding of one.
-const MOVING_M_PER_S: f32 = 8e-6;
+/// Fraction of the way that is turned ahead: a friction that is known badly must not push the load.
+const FRACTION: f32 = 0.9;
 /// Fraction of the motor's speed and acceleration for that; the rest is the move's.
 const LIMITS_FRACTION: f32 = 0.7;
 
@@ -100,12 +96,12 @@ impl FrictionCompensation {
     /// set-point of a move waits.
     pub fn step(&mut self, set_point: &SetPoint, setting_out: bool, error_m: f32, load: &LoadState<'_>) -> f32 {
         self.waiting &= setting_out;
-        let (wanted, fraction) = match (set_point.speed_m_per_s, error_m) {
-            (v, _) if v.abs() > MOVING_M_PER_S => (v, MOVING_FRACTION),
+        let wanted = match (set_point.speed_m_per_s, error_m) {
+            (v, _) if v != 0.0 => v,
             // About to begin or to end.
-            _ if !set_point.done => (self.direction, MOVING_FRACTION),
-            (_, e) if e.abs() > load.moved_m() => (e, REST_FRACTION),
-            _ => (0.0, 0.0),
+            _ if !set_point.done => self.direction,
+            (_, e) if e.abs() > load.moved_m() => e,
+            _ => 0.0,
         };
         let direction = if wanted == 0.0 { 0.0 } else { libm::copysignf(1.0, wanted) };
         let limits = load.twist_limits.fraction(LIMITS_FRACTION);
@@ -113,7 +109,7 @@ impl FrictionCompensation {
             self.turn(direction);
         }
         if !core::mem::replace(&mut self.planned, true) {
-            self.plan(fraction, load);
+            self.plan(load);
             self.left_s = Ramp::duration_s(self.end_rad - self.ramp.position, limits.speed, limits.acceleration);
         }
         self.left_s = (self.left_s - TICK_S).max(0.0);
@@ -136,7 +132,7 @@ impl FrictionCompensation {
     }
 
     /// Works out how far it is.
-    fn plan(&mut self, fraction: f32, load: &LoadState<'_>) {
+    fn plan(&mut self, load: &LoadState<'_>) {
         let (direction, observation) = (self.direction, &load.observation);
         let friction_n = observation.friction_n;
         let end_n = observation.load_n + direction * friction_n;
@@ -147,7 +143,7 @@ impl FrictionCompensation {
         // A pull that is already past the end of the band needs nothing.
         if direction * (end_n - observation.pull_n) > 0.0 {
             let missing_m = (end.gap_m - observation.modelled_gap_m) * direction;
-            self.end_rad += fraction * direction * tr_rad_per_m * missing_m.clamp(0.0, 1.25 * band_m);
+            self.end_rad += FRACTION * direction * tr_rad_per_m * missing_m.clamp(0.0, 1.25 * band_m);
         }
     }
 }

@@ -10,9 +10,14 @@ use crate::ramp::Ramp;
 /// How far below the half-turn pre-twist the strings may be untwisted by the loop (rad).
 const BELOW_PRETWIST: f32 = 0.15;
 
-/// Way of two readings from the mean of those before that is motion and no noise: least (m), and over the noise of the gap.
+/// Change of the gap that is motion and no noise: least (m), and over the noise of the gap in one tick.
 const MOVED_M: f32 = 20e-6;
 const MOVED_NOISES: f32 = 4.0;
+
+/// Change of the gap that is motion and no noise (m), with a noise of the gap in one tick (m, rms).
+pub(crate) fn moved_m(gap_noise_m: f32) -> f32 {
+    MOVED_M.max(MOVED_NOISES * gap_noise_m)
+}
 
 /// The load in one tick.
 #[derive(Clone, Copy, Debug)]
@@ -40,7 +45,7 @@ pub struct LoadState<'t> {
 impl LoadState<'_> {
     /// Way of two readings from the mean of those before (m) that is motion and no noise.
     pub fn moved_m(&self) -> f32 {
-        MOVED_M.max(MOVED_NOISES * self.gap_noise_m)
+        moved_m(self.gap_noise_m)
     }
 
     /// Set-point of the shaft one tick later, with strings that are to turn at a speed (rad/s), as far as the motor can follow and

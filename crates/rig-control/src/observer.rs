@@ -15,6 +15,7 @@
 use crate::TICK_S;
 use crate::homing::NINETY_PERCENT;
 use crate::hysteresis::memory_shape;
+use crate::load_state::moved_m;
 use crate::mechanism::Mechanism;
 use rig_link::messages::{HomingResult, LoadChoice};
 use tsa_table::{Point, Uncertainty};
@@ -25,9 +26,6 @@ const TIME_CONSTANT_S: f32 = 0.15;
 const TRAVEL_M: f32 = 0.3e-3;
 /// Largest relative change of the estimate in one tick: keeps Newton from overshooting where the gap bends like 1/F.
 const LARGEST_STEP: f32 = 0.2;
-/// Change of the gap that is motion and not noise, over the noise of the gap in one tick; and the least (m).
-const MOTION_NOISES: f32 = 4.0;
-const MIN_MOTION_M: f32 = 15e-6;
 /// Pull beyond the friction band that is no noise, as a fraction of the load, besides the motion that is no noise.
 const OUTSIDE_FRACTION: f32 = 0.01;
 /// Smoothing of the pull (s).
@@ -277,7 +275,7 @@ impl LoadObserver {
 
     /// Change of the gap that is motion and not noise (m).
     fn motion_m(&self) -> f32 {
-        (MOTION_NOISES * self.gap_noise_m).max(MIN_MOTION_M)
+        moved_m(self.gap_noise_m)
     }
 
     /// How far the load has moved beyond noise (m); sets direction.

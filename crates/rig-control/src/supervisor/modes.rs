@@ -3,19 +3,18 @@
 use super::load_control::{LoadControl, Move};
 use super::sensing::DriveZero;
 use super::stream::Stream;
-use super::{Controller, DriveLoop, Events, Inputs, ticks};
+use super::{Controller, DriveLoop, Events, Inputs, STANDING_RPM, ticks};
 use crate::direction::{DirectionCheck, Step, Witnesses};
 use crate::homing::{Homing, HomingInputs, Progress};
 use crate::ramp::Ramp;
 use crate::sensors::{DriveReading, LvdtReading};
 use crate::{TICK_S, whole_counts};
+use core::f32::consts::TAU;
 use rig_link::messages::{EventKind, Fault, Faults, HomingFailure, Limit, LoadChoice, State};
 
 /// How long shaft and LVDT must be steady before the start is over.
 const STANDING_TICKS: u16 = ticks(20);
-/// Motor speed (rad/s) below which it stands during a start: three quanta of the drive's speed measurement (45 rpm).
-const STANDING_RAD_PER_S: f32 = 4.7;
-/// The same while the motor is only shorted: a heavy load on twisted strings turns it at 11 rad/s. In the 10 ms of a report
+/// Motor speed (rad/s) below which it stands during a start while it is only shorted: a heavy load on twisted strings turns it at 11 rad/s. In the 10 ms of a report
 /// the counts then move by less than a fifth of the difference that is a fault.
 const SINKING_RAD_PER_S: f32 = 40.0;
 /// Longest start, from the drive's first report: fifty times what a shaft takes to come to rest.
@@ -210,7 +209,7 @@ impl Controller {
         // Counts, not the drive's speed, in which the dither of a few counts looks like motion.
         let standing_rad_per_s = match self.drive_loop {
             DriveLoop::Open => SINKING_RAD_PER_S,
-            DriveLoop::Closed => STANDING_RAD_PER_S,
+            DriveLoop::Closed => f32::from(STANDING_RPM) / 60.0 * TAU,
         };
         let standing_counts = standing_rad_per_s / self.constants.gear_ratio
             * self.constants.counts_per_rad.abs()

@@ -135,10 +135,10 @@ fn moves_up_and_down_find_the_load_in_the_middle_of_the_band_and_confirm_it() {
 fn the_pull_does_not_jump_when_the_load_turns_round() {
     let mut observer = observer();
     let before = pulls(&mut observer, LOAD_N - FRICTION_N, 50);
-    let turned = observer.step(&mechanism(), TWIST_RAD, Some(gap_m(LOAD_N - FRICTION_N) - 20e-6));
+    let turned = observer.step(&mechanism(), TWIST_RAD, Some(gap_m(LOAD_N - FRICTION_N) - 30e-6));
     assert!(turned.moved_m > 0.0);
     near(turned.pull_n, before.pull_n, 0.05);
-    let after = observer.step(&mechanism(), TWIST_RAD, Some(gap_m(LOAD_N - FRICTION_N) - 20e-6));
+    let after = observer.step(&mechanism(), TWIST_RAD, Some(gap_m(LOAD_N - FRICTION_N) - 30e-6));
     near(after.point.gap_m, gap_m(after.load_n + FRICTION_N), 1e-6);
 }
 
