@@ -26,9 +26,10 @@ pub const GAINS: [f32; 3] = {
 /// Fraction of the strings' maximum speed that damping the oscillation may use. With more, strings whose load has just become heavier would
 /// turn back and forth to damp its oscillation instead of taking it back to its place.
 const DAMPING_FRACTION: f32 = 0.8;
-/// Frequency of the load's oscillation (rad/s) from which the gains no longer grow with it, and those that damp it fall: the observer
-/// is then hardly faster than the load.
-pub const FULL_PER_S: f32 = 23.0;
+/// Frequency of the load's oscillation (rad/s) from which the gains no longer grow with it, and from which those that damp it fall: the
+/// observer is then hardly faster than the load. Were they one, loads of half a kilogram would stick and slip more on nominal plants.
+pub const FULL_PER_S: f32 = 22.0;
+const THIN_PER_S: f32 = 36.0;
 /// Slowest pole of the loop where the gains are full (1/s).
 pub const BANDWIDTH_PER_S: f32 = POLES[0] * FULL_PER_S;
 /// Speed over error (1/s) at which the strings turn for a load that sticks: slow enough that it is seen to move before it is past
@@ -47,8 +48,8 @@ const FORGOTTEN_S: f32 = 1.0;
 /// Fraction of the gains that damp the oscillation of a load at a frequency (rad/s): the faster the oscillation, the more of its phase the unknown
 /// part of the delay takes.
 pub fn damping_fraction(frequency: f32) -> f32 {
-    let full = (FULL_PER_S / frequency).min(1.0);
-    full * full * full
+    let thin = (THIN_PER_S / frequency).min(1.0);
+    (FULL_PER_S / frequency).min(1.0) * thin * thin
 }
 
 /// State of the loop.
@@ -146,7 +147,7 @@ mod tests {
     #[test]
     fn damping_falls_where_the_load_swings_faster_than_the_observer_sees() {
         assert_eq!(damping_fraction(10.0), 1.0);
-        assert!((damping_fraction(2.0 * FULL_PER_S) - 0.125).abs() < 1e-6);
-        assert!(damping_fraction(150.0) < 0.02);
+        assert!((damping_fraction(72.0) - 22.0 / 72.0 * 0.25).abs() < 1e-6);
+        assert!(damping_fraction(150.0) < 0.01);
     }
 }
