@@ -10,7 +10,7 @@ use crate::planner::SetPoint;
 use crate::ramp::Ramp;
 
 /// Fraction of the way that is turned ahead: a friction that is known badly must not push the load.
-const FRACTION: f32 = 0.9;
+const FRACTION: f32 = 0.95;
 /// Fraction of the motor's speed and acceleration for that; the rest is the move's.
 const LIMITS_FRACTION: f32 = 0.7;
 
