@@ -23,6 +23,8 @@ const STANDS_TICKS: u8 = 6;
 const STILL_TICKS: u8 = 12;
 /// Ticks over which the error of a load that stands is averaged at most.
 const MEAN_TICKS: u8 = 30;
+/// Ways past the target after which a load is taken to go back and forth.
+const WAYS_PAST: u8 = 4;
 
 /// What a load at its target does.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -50,6 +52,8 @@ pub struct Rest {
     stood: Option<[f32; 2]>,
     /// How far it jumps (m), as seen at rest.
     jump_m: Option<f32>,
+    /// Ways past the target since it was given or the load was left alone.
+    ways_past: u8,
 }
 
 impl Rest {
@@ -78,7 +82,7 @@ impl Rest {
             // Stiction of one and a half times the friction makes a jump of friction over stiffness: what is farther has another cause.
             let longest_jump_m = load.observation.friction_n * load.observation.point.dgap_dload_m_per_n;
             if !done || error_m.abs() > longest_jump_m {
-                self.stood = None;
+                (self.stood, self.ways_past) = (None, 0);
             }
             (self.ticks, self.slow_ticks, self.stands, self.left_alone) = (0, 0, false, false);
             return Standing::Moves;
@@ -98,11 +102,17 @@ impl Rest {
         }
         self.stood = Some([self.error_m, load.twist_rad]);
         self.left_alone = self.error_m.abs() < near_m;
-        if self.left_alone { Standing::LeftAlone } else { Standing::Beside(self.error_m) }
+        if self.left_alone {
+            self.ways_past = 0;
+            Standing::LeftAlone
+        } else {
+            Standing::Beside(self.error_m)
+        }
     }
 
     /// The load stands again. What it has risen more than its strings have turned for, it has jumped, if that took it past the
-    /// target; short of it, its jumps are no longer than this way.
+    /// target; short of it, its jumps are no longer than this way. After some ways past the target the whole way counts as a jump,
+    /// whatever made it so long, or the load would go back and forth for ever.
     fn see_way(&mut self, load: &LoadState<'_>) {
         let Some([before_m, before_rad]) = self.stood else { return };
         let rise_m = before_m - self.error_m;
@@ -112,6 +122,13 @@ impl Rest {
             return;
         }
         let past = self.error_m * before_m < 0.0;
-        self.jump_m = if past { Some(jump_m) } else { self.jump_m.map(|m| m.min(rise_m.abs())) };
+        self.ways_past = self.ways_past.saturating_add(past.into());
+        self.jump_m = if past && self.ways_past >= WAYS_PAST {
+            Some(rise_m.abs())
+        } else if past {
+            Some(jump_m)
+        } else {
+            self.jump_m.map(|m| m.min(rise_m.abs()))
+        };
     }
 }

@@ -103,6 +103,32 @@ fn a_load_that_moves_within_what_is_left_alone_stays_left_alone() {
 }
 
 #[test]
+fn a_load_that_goes_back_and_forth_is_left_alone_in_the_end_whatever_its_strings_have_done() {
+    let mut load = load();
+    let mut rest = Rest::default();
+    let stands = [0.2e-3, -0.1e-3, 0.2e-3, -0.1e-3, 0.2e-3, -0.1e-3].map(|error_m: f32| {
+        // All of each way was turned, as it is on a load that breaks loose from strings that go on turning.
+        load.twist_rad -= 2.0 * error_m * load.observation.point.tr_rad_per_m();
+        at(&mut rest, error_m, 40, &load) == Standing::LeftAlone
+    });
+    assert!(stands[..4].iter().all(|stands| !stands) && stands[5], "{stands:?}");
+}
+
+#[test]
+fn a_load_that_has_been_brought_to_its_target_between_its_ways_does_not_go_back_and_forth() {
+    let mut load = load();
+    let mut rest = Rest::default();
+    for error_m in [0.1e-3, -0.1e-3, 0.1e-3, -0.1e-3, 0.1e-3, -0.1e-3, 0.1e-3, -0.1e-3f32] {
+        // The strings turn for every way, to the target and away from it.
+        load.twist_rad -= 2.0 * error_m * load.observation.point.tr_rad_per_m();
+        at(&mut rest, error_m, 40, &load);
+        load.twist_rad += 2.0 * error_m * load.observation.point.tr_rad_per_m();
+        at(&mut rest, 0.0, 40, &load);
+    }
+    assert!(rest.tolerance_m(0.0) < AT_REST_M, "{}", rest.tolerance_m(0.0));
+}
+
+#[test]
 fn a_way_to_another_target_is_no_jump() {
     let load = load();
     let mut rest = Rest::default();
