@@ -32,9 +32,9 @@ const MAX_VS: f64 = 10.0;
 
 const NOTE: &str = "In each cell: percentage of the time in which the load stands (below a twentieth of the wanted speed), then the \
     deviation (rms) of its speed from the mean, in percent of the mean; median (most) of both ways, 3 to 9 mm and back, their first \
-    and last half millimetre left out. The last column is computed: the speed from which on friction falls less with speed than the \
-    dampers take; below it a load on strings that turn evenly sticks and slips, and only a control that damps its oscillation, \
-    which on light loads is faster than the drive's delay lets any control be, could prevent that. Presliding is left out of it.";
+    and last half millimetre left out. The last column is computed: from this speed on, friction falls less with speed than the \
+    dampers take. Below it a load on strings that turn evenly sticks and slips, unless the control damps its oscillation. \
+    Presliding is left out.";
 
 /// One way.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -43,7 +43,7 @@ pub struct LoadState<'t> {
 }
 
 impl LoadState<'_> {
-    /// Way of two readings from the mean of those before (m) that is motion and no noise.
+    /// Change of this load's gap that is motion and no noise (m).
     pub fn moved_m(&self) -> f32 {
         moved_m(self.gap_noise_m)
     }

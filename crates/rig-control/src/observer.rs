@@ -12,11 +12,10 @@
 //! homing left open of the string's radius and of the gap's zero, the noise that homing measured, the friction band, what
 //! the rods and strings do when the load has changed since homing, and how long ago that was.
 
-use crate::TICK_S;
 use crate::homing::NINETY_PERCENT;
 use crate::hysteresis::memory_shape;
-use crate::load_state::moved_m;
 use crate::mechanism::Mechanism;
+use crate::{TICK_S, load_state};
 use rig_link::messages::{HomingResult, LoadChoice};
 use tsa_table::{Point, Uncertainty};
 
@@ -273,14 +272,9 @@ impl LoadObserver {
         }
     }
 
-    /// Change of the gap that is motion and not noise (m).
-    fn motion_m(&self) -> f32 {
-        moved_m(self.gap_noise_m)
-    }
-
     /// How far the load has moved beyond noise (m); sets direction.
     fn track_gap(&mut self, gap_m: f32) -> f32 {
-        let motion_m = self.motion_m();
+        let motion_m = load_state::moved_m(self.gap_noise_m);
         let before = self.noise_free_gap_m.unwrap_or(gap_m);
         let after = before.clamp(gap_m - motion_m, gap_m + motion_m);
         self.noise_free_gap_m = Some(after);
@@ -299,7 +293,8 @@ impl LoadObserver {
 
     /// Change of the estimate (N) for a pull that differs from the expected one by `innovation_n`.
     fn correction(&mut self, innovation_n: f32, moved_m: f32, point: &Point) -> f32 {
-        let outside_n = self.motion_m() / point.dgap_dload_m_per_n + OUTSIDE_FRACTION * self.load_n;
+        let outside_n =
+            load_state::moved_m(self.gap_noise_m) / point.dgap_dload_m_per_n + OUTSIDE_FRACTION * self.load_n;
         // Where the pull may be, relative to its end of the band.
         let (far, near) = (-2.0 * self.friction_n * self.direction, 0.0f32);
         let beyond = innovation_n - innovation_n.clamp(far.min(near), far.max(near));

@@ -26,8 +26,8 @@ pub const GAINS: [f32; 3] = {
 /// Fraction of the strings' maximum speed that damping the oscillation may use. With more, strings whose load has just become heavier would
 /// turn back and forth to damp its oscillation instead of taking it back to its place.
 const DAMPING_FRACTION: f32 = 0.8;
-/// Frequency of the load's oscillation (rad/s) from which the gains no longer grow with it, and from which those that damp it fall: the
-/// observer is then hardly faster than the load. Were they one, loads of half a kilogram would stick and slip more on nominal plants.
+/// Frequency of the load's oscillation (rad/s) from which the gains no longer grow with it, and from which those that damp it fall:
+/// the observer is then hardly faster than the load. With one number for both, half a kilogram moves less evenly on nominal plants.
 pub const FULL_PER_S: f32 = 22.0;
 const THIN_PER_S: f32 = 36.0;
 /// Slowest pole of the loop where the gains are full (1/s).

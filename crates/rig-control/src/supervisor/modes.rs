@@ -14,8 +14,8 @@ use rig_link::messages::{EventKind, Fault, Faults, HomingFailure, Limit, LoadCho
 
 /// How long shaft and LVDT must be steady before the start is over.
 const STANDING_TICKS: u16 = ticks(20);
-/// Motor speed (rad/s) below which it stands during a start while it is only shorted: a heavy load on twisted strings turns it at 11 rad/s. In the 10 ms of a report
-/// the counts then move by less than a fifth of the difference that is a fault.
+/// Motor speed (rad/s) below which it stands during a start while it is only shorted: a heavy load on twisted strings turns it at
+/// 11 rad/s. In the 10 ms of a report the counts then move by less than a fifth of the difference that is a fault.
 const SINKING_RAD_PER_S: f32 = 40.0;
 /// Longest start, from the drive's first report: fifty times what a shaft takes to come to rest.
 const BOOT_TICKS: u16 = ticks(1000);
