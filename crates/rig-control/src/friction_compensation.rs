@@ -142,7 +142,7 @@ impl FrictionCompensation {
         let tr_rad_per_m = end.tr_rad_per_m();
         // A pull that is already past the end of the band needs nothing.
         if direction * (end_n - observation.pull_n) > 0.0 {
-            let missing_m = (end.gap_m - observation.modelled_gap_m) * direction;
+            let missing_m = (end.gap_m - observation.gap_m) * direction;
             self.end_rad += FRACTION * direction * tr_rad_per_m * missing_m.clamp(0.0, 1.25 * band_m);
         }
     }

@@ -2,8 +2,8 @@
 //!
 //! The load hangs by the pull S(G, θ) of the mechanism, `m G'' = W − S(G, θ)` with `m = W/g`; S comes from the table. The
 //! observer knows no friction and no damping: friction becomes a part of W, which therefore is the weight that the load
-//! *seems* to have, and gives the position loop its integral action. The load that is reported is another, slower estimate
-//! ([`crate::observer`]).
+//! *seems* to have, and gives the position loop its integral action. What it says of the load itself, [`crate::observer`] works
+//! out.
 //!
 //! The innovation e, measured less expected gap at the time of the measurement, corrects all three. With a step Δt since the
 //! measurement before and z = exp(−λ Δt) (docs/explanation/control.md 2):
@@ -25,13 +25,11 @@ const LIGHTEST_FRACTION: f32 = 0.3;
 /// Longest time between two measurements that are taken together (s).
 const LONGEST_STEP_S: f32 = 0.05;
 
-/// One measurement of the gap, and the twist then.
+/// One measurement of the gap.
 #[derive(Clone, Copy, Debug)]
 pub struct Measured {
     /// Gap (m).
     pub gap_m: f32,
-    /// Twist at that time (rad).
-    pub twist_rad: f32,
     /// Time since the measurement before (s); 0 if this is that one again.
     pub step_s: f32,
 }
@@ -45,14 +43,57 @@ pub struct LoadMotion {
     pub speed_m_per_s: f32,
     /// What the load seems to weigh (N).
     pub weight_n: f32,
-    /// Pull (N) at this gap and twist, its stiffness ∂S/∂G (N/m), and ∂S/∂θ (N/rad).
-    pull_n: f32,
+    /// Pull of the strings (N) at this gap and twist.
+    pub pull_n: f32,
+    /// Its stiffness ∂S/∂G (N/m), and ∂S/∂θ (N/rad).
     stiffness_n_per_m: f32,
     by_twist_n_per_rad: f32,
     twist_rad: f32,
 }
 
 impl LoadMotion {
+    /// Of a load that hangs at rest, weighing about so much (N).
+    pub fn at_rest(mechanism: &Mechanism<'_>, gap_m: f32, twist_rad: f32, load_n: f32) -> Self {
+        let mut motion = Self {
+            gap_m,
+            speed_m_per_s: 0.0,
+            weight_n: load_n,
+            pull_n: load_n,
+            stiffness_n_per_m: 1.0,
+            by_twist_n_per_rad: 0.0,
+            twist_rad,
+        };
+        for _ in 0..4 {
+            motion.look_up(mechanism);
+        }
+        motion.weight_n = motion.pull_n.max(lightest_n(mechanism));
+        motion
+    }
+
+    /// Takes a measurement at a twist (rad).
+    pub fn step(&mut self, mechanism: &Mechanism<'_>, twist_rad: f32, measured: &Measured) {
+        let Measured { gap_m, step_s } = *measured;
+        if step_s > LONGEST_STEP_S {
+            *self = Self::at_rest(mechanism, gap_m, twist_rad, self.weight_n);
+        } else if step_s > 0.0 {
+            *self = self.after(step_s, twist_rad);
+            self.correct(gap_m - self.gap_m, step_s);
+            self.weight_n = self.weight_n.max(lightest_n(mechanism));
+            self.look_up(mechanism);
+        }
+    }
+
+    /// Pull and stiffness at this gap and twist: one Newton step from the pull before; beyond the table's loads its tangent.
+    fn look_up(&mut self, mechanism: &Mechanism<'_>) {
+        let m = &mechanism.table.metadata;
+        let load_n = self.pull_n.clamp(m.load_min_n, m.load_max_n);
+        let point = mechanism.at(load_n, self.twist_rad);
+        let stiffness = 1.0 / point.dgap_dload_m_per_n;
+        self.pull_n = load_n + stiffness * (self.gap_m - point.gap_m);
+        self.stiffness_n_per_m = stiffness;
+        self.by_twist_n_per_rad = -stiffness * point.dgap_dtwist_m_per_rad;
+    }
+
     /// Mass of the load (kg).
     fn mass_kg(&self) -> f32 {
         self.weight_n / STANDARD_GRAVITY_M_PER_S2
@@ -94,65 +135,9 @@ impl LoadMotion {
     }
 }
 
-/// The observer.
-#[derive(Clone, Copy, Debug)]
-pub struct MotionObserver {
-    now: LoadMotion,
-}
-
-impl MotionObserver {
-    /// Of a load that hangs at rest, weighing about so much (N).
-    pub fn at_rest(mechanism: &Mechanism<'_>, gap_m: f32, twist_rad: f32, load_n: f32) -> Self {
-        let now = LoadMotion {
-            gap_m,
-            speed_m_per_s: 0.0,
-            weight_n: load_n,
-            pull_n: load_n,
-            stiffness_n_per_m: 1.0,
-            by_twist_n_per_rad: 0.0,
-            twist_rad,
-        };
-        let mut observer = Self { now };
-        for _ in 0..4 {
-            observer.look_up(mechanism);
-        }
-        observer.now.weight_n = observer.inside(mechanism, observer.now.pull_n);
-        observer
-    }
-
-    fn inside(&self, mechanism: &Mechanism<'_>, load_n: f32) -> f32 {
-        let m = &mechanism.table.metadata;
-        load_n.clamp(m.load_min_n, m.load_max_n)
-    }
-
-    /// Pull and stiffness at this gap and twist: one Newton step from the pull before; beyond the table's loads its tangent.
-    fn look_up(&mut self, mechanism: &Mechanism<'_>) {
-        let load_n = self.inside(mechanism, self.now.pull_n);
-        let point = mechanism.at(load_n, self.now.twist_rad);
-        let stiffness = 1.0 / point.dgap_dload_m_per_n;
-        self.now.pull_n = load_n + stiffness * (self.now.gap_m - point.gap_m);
-        self.now.stiffness_n_per_m = stiffness;
-        self.now.by_twist_n_per_rad = -stiffness * point.dgap_dtwist_m_per_rad;
-    }
-
-    /// The motion at the time of the last measurement.
-    pub fn now(&self) -> LoadMotion {
-        self.now
-    }
-
-    /// Takes a measurement.
-    pub fn step(&mut self, mechanism: &Mechanism<'_>, measured: &Measured) {
-        let Measured { gap_m, twist_rad, step_s } = *measured;
-        if step_s > LONGEST_STEP_S {
-            *self = Self::at_rest(mechanism, gap_m, twist_rad, self.now.weight_n);
-        } else if step_s > 0.0 {
-            self.now = self.now.after(step_s, twist_rad);
-            self.now.correct(gap_m - self.now.gap_m, step_s);
-            let m = &mechanism.table.metadata;
-            self.now.weight_n = self.now.weight_n.clamp(LIGHTEST_FRACTION * m.load_min_n, m.load_max_n);
-            self.look_up(mechanism);
-        }
-    }
+/// Minimum weight (N) that a load seems to have.
+fn lightest_n(mechanism: &Mechanism<'_>) -> f32 {
+    LIGHTEST_FRACTION * mechanism.table.metadata.load_min_n
 }
 
 #[cfg(test)]

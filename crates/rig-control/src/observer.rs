@@ -5,8 +5,8 @@
 //! - a pull outside the band means another load, and the estimate follows at once;
 //! - a pull inside it says something of the load only as far as the load has travelled, and at rest nothing.
 //!
-//! The estimate is a Newton step of the table's inverse each tick, damped. One lookup at the expected pull serves the
-//! estimate and TR alike.
+//! While the load accelerates, the pull that counts is the weight that it seems to have by its motion
+//! ([`crate::load_motion`]).
 //!
 //! The estimate carries its error: half the width of the interval that holds the load nine times in ten. It adds up what
 //! homing left open of the string's radius and of the gap's zero, the noise that homing measured, the friction band, what
@@ -14,6 +14,7 @@
 
 use crate::homing::NINETY_PERCENT;
 use crate::hysteresis::memory_shape;
+use crate::load_motion::{LoadMotion, Measured};
 use crate::mechanism::Mechanism;
 use crate::{TICK_S, load_state};
 use rig_link::messages::{HomingResult, LoadChoice};
@@ -23,16 +24,11 @@ use tsa_table::{Point, Uncertainty};
 const TIME_CONSTANT_S: f32 = 0.15;
 /// Travel (m) after which it follows when the load moves slowly.
 const TRAVEL_M: f32 = 0.3e-3;
-/// Largest relative change of the estimate in one tick: keeps Newton from overshooting where the gap bends like 1/F.
-const LARGEST_STEP: f32 = 0.2;
 /// Pull beyond the friction band that is no noise, as a fraction of the load, besides the motion that is no noise.
 const OUTSIDE_FRACTION: f32 = 0.01;
-/// Smoothing of the pull (s).
-const PULL_S: f32 = 0.05;
-/// Time without a pull outside the friction band (ticks) after which the estimate has settled.
+/// Time without a pull outside the friction band (ticks) after which the estimate has settled, and with which such a pull
+/// vanishes from the error of the estimate: an oscillation of the load.
 const SETTLED_TICKS: u16 = 40;
-/// How long a pull outside the band stays in the error of the estimate (s): an oscillation of the load.
-const UNSETTLED_S: f32 = 0.3;
 /// Standard error of the friction that a moving load shows, as a fraction of it: play and stiction look like friction.
 const MOVING_BAND: f32 = 0.3;
 /// Standard deviation of a load that is anywhere within the friction band, as a fraction of the friction.
@@ -44,10 +40,6 @@ const DRIFT_S: f32 = 600.0;
 const CONFIRMED_FRACTION: f32 = 0.1;
 /// Maximum difference (fraction of the load) of a move up and a move down that confirm the load.
 const SAME_FRACTION: f32 = 0.05;
-/// Acceleration that a gap's speed may hide at most (fraction of the load for each m/s): inertia and damping of an oscillation.
-const SPEED_FRACTION: f32 = 2.0;
-/// Speed (m/s) of the gap below which a balance is static.
-const STATIC_M_PER_S: f32 = 20e-3;
 
 /// Standard errors of the load that change along a move as a drift does, without being one.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -58,9 +50,11 @@ pub struct KnownErrors {
     pub change: f32,
 }
 
-/// The load observer.
+/// The observer of the load.
 #[derive(Clone, Copy, Debug)]
 pub struct LoadObserver {
+    /// How the load moves; `None` before the first gap and outside the table's twists.
+    motion: Option<LoadMotion>,
     load_n: f32,
     /// As homing left it: load (N), covariance of scale and curve, noise of the gap (m), relative error of a change.
     homed_n: f32,
@@ -83,10 +77,6 @@ pub struct LoadObserver {
     direction: f32,
     /// The gap, which follows measured ones only as far as they differ by more than noise (m).
     noise_free_gap_m: Option<f32>,
-    /// Smoothed innovation: measured less expected pull (N).
-    innovation_n: f32,
-    /// Smoothed speed of the gap (m/s).
-    gap_speed_m_per_s: f32,
     quiet_ticks: u16,
     /// Maximum pull outside the friction band in the last moments (N).
     unsettled_n: f32,
@@ -105,10 +95,9 @@ pub struct Observation {
     pub load_n: f32,
     /// Friction between load and pull (N).
     pub friction_n: f32,
-    /// What the strings pull with now (N), smoothed.
+    /// Gap (m), filtered, and what the strings pull with there (N).
+    pub gap_m: f32,
     pub pull_n: f32,
-    /// The mechanism's gap for that pull (m): measured, smoothed.
-    pub modelled_gap_m: f32,
     /// The table at this twist and the pull that is expected in the present direction.
     pub point: Point,
     /// How far the load moved beyond noise in this tick (m).
@@ -128,6 +117,7 @@ impl LoadObserver {
     /// Starts from a homing, after a way down, with how well the table's mechanism is known.
     pub const fn new(homed: &HomingResult, known: &Uncertainty) -> Self {
         Self {
+            motion: None,
             load_n: homed.load_n,
             homed_n: homed.load_n,
             homed_fraction: homed.load_error_n / (NINETY_PERCENT * homed.load_n),
@@ -141,8 +131,6 @@ impl LoadObserver {
             band: MOVING_BAND,
             direction: -1.0,
             noise_free_gap_m: None,
-            innovation_n: 0.0,
-            gap_speed_m_per_s: 0.0,
             quiet_ticks: SETTLED_TICKS,
             unsettled_n: 0.0,
             confirmed_n: Some(homed.load_n),
@@ -154,6 +142,11 @@ impl LoadObserver {
     /// The estimate (N).
     pub fn load_n(&self) -> f32 {
         self.load_n
+    }
+
+    /// How the load moved when the gap was measured.
+    pub fn motion(&self) -> Option<&LoadMotion> {
+        self.motion.as_ref()
     }
 
     /// Adds `change_n` (N), by which another scale of the twist changes the estimate.
@@ -185,6 +178,7 @@ impl LoadObserver {
         self.moved_load_n = [None; 2];
         self.confirmed_n = None;
         self.noise_free_gap_m = None;
+        self.motion = None;
         self.band = RESTING_BAND;
     }
 
@@ -218,39 +212,34 @@ impl LoadObserver {
         NINETY_PERCENT * libm::sqrtf(variance_n2)
     }
 
-    /// The same for a load that may move, or may just have changed.
-    fn error_n(&self, point: &Point, twist_rad: f32) -> f32 {
-        let fast = (self.gap_speed_m_per_s.abs() - STATIC_M_PER_S).max(0.0);
-        self.still_error_n(point, twist_rad) + self.unsettled_n + SPEED_FRACTION * fast * self.load_n
-    }
-
-    /// One tick: measured gap (m) and the twist (rad) at the time of that measurement; without a gap the estimate stays.
-    pub fn step(&mut self, mechanism: &Mechanism<'_>, twist_rad: f32, gap_m: Option<f32>) -> Observation {
+    /// One tick: a measured gap and the twist (rad) at the time of that measurement; without a gap the estimate stays.
+    pub fn step(&mut self, mechanism: &Mechanism<'_>, twist_rad: f32, measured: Option<&Measured>) -> Observation {
         let m = &mechanism.table.metadata;
         self.age_s += TICK_S;
         // First, because it decides at which end of the friction band the pull is expected.
-        let moved_m = gap_m.map_or(0.0, |gap_m| self.track_gap(gap_m));
+        let moved_m = measured.map_or(0.0, |measured| self.track_gap(measured.gap_m));
         let expected_n = self.load_n + self.direction * self.friction_n;
         let point = mechanism.at(expected_n, twist_rad);
         let mut at_range_end = false;
-        if let Some(gap_m) = gap_m {
-            let innovation_n = (gap_m - point.gap_m) / point.dgap_dload_m_per_n;
-            if innovation_n.is_finite() {
-                self.innovation_n += TICK_S / PULL_S * (innovation_n - self.innovation_n);
-                let load_n = self.load_n + self.correction(innovation_n, moved_m, &point);
-                self.load_n = load_n.clamp(m.load_min_n, m.load_max_n);
-                // A load that is too heavy is a danger. One that is too light is none, and may still be within the range, by
-                // the error of the estimate.
-                let light = load_n < m.load_min_n && -self.innovation_n > self.still_error_n(&point, twist_rad);
-                at_range_end = load_n > m.load_max_n || light;
-            }
+        let (mut gap_m, mut pull_n) = (point.gap_m, expected_n);
+        if let Some(measured) = measured {
+            let motion = self
+                .motion
+                .get_or_insert_with(|| LoadMotion::at_rest(mechanism, measured.gap_m, twist_rad, expected_n));
+            motion.step(mechanism, twist_rad, measured);
+            (gap_m, pull_n) = (motion.gap_m, motion.pull_n);
+            let innovation_n = motion.weight_n - expected_n;
+            let load_n = self.load_n + self.correction(innovation_n, moved_m, &point);
+            self.load_n = load_n.clamp(m.load_min_n, m.load_max_n);
+            // A load that is too heavy is a danger. One that is too light is none, and may still be within the range, by
+            // the error of the estimate.
+            let light = load_n < m.load_min_n && -innovation_n > self.still_error_n(&point, twist_rad);
+            at_range_end = load_n > m.load_max_n || light;
         }
         if self.quiet_ticks >= SETTLED_TICKS {
             self.peak_n = self.peak_n.max(self.load_n);
         }
-        let load_error_n = self.error_n(&point, twist_rad);
-        let pull_n = expected_n + self.innovation_n;
-        let modelled_gap_m = point.gap_m + self.innovation_n * point.dgap_dload_m_per_n;
+        let load_error_n = self.still_error_n(&point, twist_rad) + self.unsettled_n;
         let (load_n, point) = match self.source {
             LoadChoice::Auto => (self.load_n, point),
             LoadChoice::Known(given_n) => {
@@ -261,8 +250,8 @@ impl LoadObserver {
         Observation {
             load_n,
             friction_n: self.friction_n,
+            gap_m,
             pull_n,
-            modelled_gap_m,
             point,
             moved_m,
             at_range_end,
@@ -279,14 +268,9 @@ impl LoadObserver {
         let after = before.clamp(gap_m - motion_m, gap_m + motion_m);
         self.noise_free_gap_m = Some(after);
         let moved_m = after - before;
-        self.gap_speed_m_per_s += TICK_S / PULL_S * (moved_m / TICK_S - self.gap_speed_m_per_s);
         if moved_m != 0.0 {
-            let direction = -libm::copysignf(1.0, moved_m);
-            if direction != self.direction {
-                // The same pull is now expected at the other end of the band.
-                self.innovation_n -= 2.0 * direction * self.friction_n;
-                self.direction = direction;
-            }
+            // From now on the pull is expected at the other end of the band.
+            self.direction = -libm::copysignf(1.0, moved_m);
         }
         moved_m.abs()
     }
@@ -301,7 +285,7 @@ impl LoadObserver {
         let follow = TICK_S / TIME_CONSTANT_S;
         let mut step = innovation_n * follow.min(moved_m / TRAVEL_M);
         self.band += (MOVING_BAND - self.band) * (moved_m / TRAVEL_M).min(1.0);
-        self.unsettled_n *= 1.0 - TICK_S / UNSETTLED_S;
+        self.unsettled_n *= 1.0 - 1.0 / f32::from(SETTLED_TICKS);
         if beyond.abs() > outside_n {
             step = if moved_m == 0.0 { beyond * follow } else { innovation_n * follow };
             self.quiet_ticks = 0;
@@ -312,7 +296,7 @@ impl LoadObserver {
         } else {
             self.quiet_ticks = self.quiet_ticks.saturating_add(1);
         }
-        step.clamp(-LARGEST_STEP * self.load_n, LARGEST_STEP * self.load_n)
+        step
     }
 }
 
@@ -355,9 +339,9 @@ mod tests {
 
     #[test]
     fn no_load_is_known_better_than_homing_left_it_and_far_twists_open_more() {
-        let near_n = observer(0.0).error_n(&POINT, 20.0);
+        let near_n = observer(0.0).still_error_n(&POINT, 20.0);
         assert!(same(near_n, together(&[0.5, NINETY_PERCENT * DRIFT_N])), "{near_n}");
-        let far_n = observer(0.0).error_n(&POINT, 60.0);
+        let far_n = observer(0.0).still_error_n(&POINT, 60.0);
         assert!(same(far_n, NINETY_PERCENT * together(&[0.6, DRIFT_N])), "{far_n}");
     }
 
@@ -366,7 +350,7 @@ mod tests {
         let mut o = observer(0.0);
         o.covariance = [1e-4, 2e-6, 1e-7];
         // At 60 rad the scale moves the gap by −60 mm: 3.6e-7 − 2 · 0.06 · 2e-6 + 1e-7 m².
-        let found_n = o.error_n(&POINT, 60.0);
+        let found_n = o.still_error_n(&POINT, 60.0);
         assert!(same(found_n, NINETY_PERCENT * together(&[libm::sqrtf(2.2e-7) / 1e-3, DRIFT_N])), "{found_n}");
     }
 
@@ -395,12 +379,10 @@ mod tests {
         o.load_n = 3.0;
         o.friction_n = 0.4;
         o.peak_n = 10.0;
-        o.unsettled_n = 0.7;
-        o.gap_speed_m_per_s = -(STATIC_M_PER_S + 0.01);
         let memory = 0.2 * memory_shape(3.0, 10.0);
         let parts = [0.5 / (5.0 * NINETY_PERCENT) * 3.0, MOVING_BAND * 0.4, 0.1 * 2.0, memory * 3.0, DRIFT[0] * 3.0];
-        let expected_n = NINETY_PERCENT * together(&parts) + 0.7 + SPEED_FRACTION * 0.01 * 3.0;
-        let found_n = o.error_n(&POINT, 0.0);
+        let expected_n = NINETY_PERCENT * together(&parts);
+        let found_n = o.still_error_n(&POINT, 0.0);
         assert!(same(found_n, expected_n), "{found_n} {expected_n}");
     }
 }

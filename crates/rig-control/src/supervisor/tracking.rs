@@ -4,7 +4,7 @@ use super::sensing::Readings;
 use crate::adaptation::Adaptation;
 use crate::constants::ChangeError;
 use crate::homing::{Homed, NINETY_PERCENT};
-use crate::load_motion::{AHEAD_S, LoadMotion, Measured, MotionObserver};
+use crate::load_motion::{AHEAD_S, LoadMotion, Measured};
 use crate::mechanism::Mechanism;
 use crate::observer::{LoadObserver, Observation};
 use crate::{RigConstants, TICK_S};
@@ -29,8 +29,6 @@ pub(super) struct LoadTracking {
     moved_since_m: f32,
     /// Observation of this tick; `None` outside the table's twists.
     pub(super) observation: Option<Observation>,
-    /// How the load moves; `None` outside the table's twists.
-    motion: Option<MotionObserver>,
 }
 
 impl LoadTracking {
@@ -47,7 +45,6 @@ impl LoadTracking {
             position_m: 0.0 - settings.get(Setting::PositionZero),
             moved_since_m: 0.0,
             observation: None,
-            motion: None,
         }
     }
 
@@ -83,27 +80,21 @@ impl LoadTracking {
         // Twist and gap of the same time belong together.
         let twist_rad = self.twist_rad(readings.shaft_at_gap_rad);
         let mechanism = self.mechanism(*table);
+        let measured = gap_m.map(|gap_m| Measured { gap_m, step_s: readings.gap_step_s });
         self.observation = if mechanism.covers(twist_rad) {
-            Some(self.observer.step(&mechanism, twist_rad, gap_m))
+            Some(self.observer.step(&mechanism, twist_rad, measured.as_ref()))
         } else {
             self.observer.lose();
-            self.motion = None;
             None
         };
         // One step more than its age, because a load that falls gains speed.
         let steps = 1.0 + readings.gap_age_s / readings.gap_step_s.max(TICK_S);
         self.moved_since_m = self.observation.map_or(0.0, |observation| steps * observation.moved_m);
-        if let (Some(observation), Some(gap_m)) = (&self.observation, gap_m) {
-            let pull_n = observation.pull_n;
-            self.motion
-                .get_or_insert_with(|| MotionObserver::at_rest(&mechanism, gap_m, twist_rad, pull_n))
-                .step(&mechanism, &Measured { gap_m, twist_rad, step_s: readings.gap_step_s });
-        }
     }
 
     /// How the load will move when the strings have come to a twist (rad) that is commanded now.
     pub(super) fn motion_ahead(&self, readings: &Readings, commanded_rad: f32) -> Option<LoadMotion> {
-        let now = self.motion?.now().after(readings.gap_age_s, self.twist_rad(readings.shaft_rad));
+        let now = self.observer.motion()?.after(readings.gap_age_s, self.twist_rad(readings.shaft_rad));
         Some(now.after(AHEAD_S, commanded_rad))
     }
 

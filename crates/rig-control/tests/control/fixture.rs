@@ -2,7 +2,7 @@
 
 use rig_config::Scene;
 use rig_control::RigConstants;
-use rig_control::load_motion::MotionObserver;
+use rig_control::load_motion::LoadMotion;
 use rig_control::load_state::LoadState;
 use rig_control::mechanism::Mechanism;
 use rig_control::observer::Observation;
@@ -41,12 +41,12 @@ pub fn hanging(load_n: f32, friction_n: f32, twist_rad: f32) -> LoadState<'stati
     let mechanism = Mechanism { table: *table(), twist_scale: 1.0, curve: GapCurve::constant(0.0) };
     let pull_n = load_n + friction_n;
     let point = mechanism.at(pull_n, twist_rad);
-    let motion = MotionObserver::at_rest(&mechanism, point.gap_m, twist_rad, pull_n).now();
+    let motion = LoadMotion::at_rest(&mechanism, point.gap_m, twist_rad, pull_n);
     let observation = Observation {
         load_n,
         friction_n,
         pull_n,
-        modelled_gap_m: point.gap_m,
+        gap_m: point.gap_m,
         point,
         moved_m: 0.0,
         at_range_end: false,

@@ -2,7 +2,7 @@
 
 use crate::fixture::{hanging, near, table};
 use rig_control::TICK_S;
-use rig_control::load_motion::{Measured, MotionObserver};
+use rig_control::load_motion::{LoadMotion, Measured};
 use rig_control::mechanism::Mechanism;
 use rig_control::observer::{LoadObserver, Observation};
 use rig_link::messages::{GapCurve, HomingResult, LoadChoice};
@@ -35,13 +35,18 @@ fn observer() -> LoadObserver {
     LoadObserver::new(&homed, &known)
 }
 
+/// A gap that is measured a tick after the one before.
+fn measured(gap_m: f32) -> Measured {
+    Measured { gap_m, step_s: TICK_S }
+}
+
 fn gap_m(pull_n: f32) -> f32 {
     mechanism().at(pull_n, TWIST_RAD).gap_m
 }
 
 /// The given number of ticks with strings that pull so much (N); the last observation.
 fn pulls(observer: &mut LoadObserver, pull_n: f32, ticks: u32) -> Observation {
-    let step = |_| observer.step(&mechanism(), TWIST_RAD, Some(gap_m(pull_n)));
+    let step = |_| observer.step(&mechanism(), TWIST_RAD, Some(&measured(gap_m(pull_n))));
     (0..ticks).map(step).last().expect("a tick")
 }
 
@@ -52,7 +57,7 @@ fn a_pull_anywhere_in_the_friction_band_says_nothing_of_a_load_at_rest() {
         let seen = pulls(&mut observer, pull_n, 200);
         near(seen.load_n, LOAD_N, 0.02);
         near(seen.pull_n, pull_n, 0.005);
-        near(seen.modelled_gap_m, gap_m(pull_n), 2e-6);
+        near(seen.gap_m, gap_m(pull_n), 2e-6);
         assert!(!seen.changing && seen.confirmed && !seen.at_range_end && seen.moved_m == 0.0);
         assert_eq!(seen.friction_n, FRICTION_N);
         // Known no better than homing left it, and a little worse for what drifts.
@@ -69,13 +74,14 @@ fn a_pull_beyond_the_band_is_another_load_that_is_followed_in_the_time_constant(
         let first = pulls(&mut observer, end_n, 1);
         assert!(first.changing && first.moved_m > 0.0);
         near(first.moved_m, (gap_m(end_n) - gap_m(LOAD_N - FRICTION_N)).abs(), 31e-6);
-        assert!(first.load_error_n > 0.9 * (load_n - LOAD_N).abs(), "{}", first.load_error_n);
-        // What is left falls by e in 0.15 s.
-        let mut left = [0.0; 2];
-        for left_n in &mut left {
-            *left_n = (pulls(&mut observer, end_n, 15).load_n - load_n).abs();
+        // Once the motion is known, the error that is stated holds the load, and what is left falls by e in 0.15 s.
+        let mut left_n = 2.0;
+        for k in 1..=40u8 {
+            let seen = pulls(&mut observer, end_n, 1);
+            left_n = (seen.load_n - load_n).abs();
+            assert!(k < 10 || seen.load_error_n > left_n, "tick {k}: {} for {left_n}", seen.load_error_n);
         }
-        assert!(left[0] < 0.5 * (load_n - LOAD_N).abs(), "{left:?}");
+        assert!(left_n < 0.25 * (load_n - LOAD_N).abs(), "{left_n}");
         let seen = pulls(&mut observer, end_n, 170);
         // What is left is no more than noise and a fraction of the load may make.
         near(seen.load_n, load_n, 0.3);
@@ -83,15 +89,15 @@ fn a_pull_beyond_the_band_is_another_load_that_is_followed_in_the_time_constant(
     }
 }
 
-/// Beyond the band by the motion that is noise (15 um of the gap) and a hundredth of the load.
+/// Beyond the band by the motion that is noise (20 um of the gap) and a hundredth of the load.
 #[test]
 fn a_pull_beyond_the_band_by_no_more_than_noise_is_no_other_load() {
-    let slack_n = 15e-6 / mechanism().at(LOAD_N, TWIST_RAD).dgap_dload_m_per_n + 0.01 * LOAD_N;
+    let slack_n = 20e-6 / mechanism().at(LOAD_N, TWIST_RAD).dgap_dload_m_per_n + 0.01 * LOAD_N;
     assert!(0.01 * LOAD_N < 0.9 * slack_n, "both count");
-    for (fraction, changing) in [(0.95, false), (1.05, true)] {
+    for (fraction, changing) in [(0.95, false), (1.5, true)] {
         let mut observer = observer();
         pulls(&mut observer, LOAD_N - FRICTION_N, 50);
-        assert_eq!(pulls(&mut observer, LOAD_N - FRICTION_N - fraction * slack_n, 1).changing, changing, "{fraction}");
+        assert_eq!(pulls(&mut observer, LOAD_N - FRICTION_N - fraction * slack_n, 40).changing, changing, "{fraction}");
     }
 }
 
@@ -105,7 +111,7 @@ fn moves_up_and_down_find_the_load_in_the_middle_of_the_band_and_confirm_it() {
             let fraction = f32::from(k) / 100.0;
             let twist_rad = 20.0 + 6.0 * if up { fraction } else { 1.0 - fraction };
             let pull_n = if up { load_n + FRICTION_N } else { load_n - FRICTION_N };
-            observer.step(&mechanism(), twist_rad, Some(mechanism().at(pull_n, twist_rad).gap_m))
+            observer.step(&mechanism(), twist_rad, Some(&measured(mechanism().at(pull_n, twist_rad).gap_m)))
         });
         seen.last().expect("a tick")
     };
@@ -135,10 +141,10 @@ fn moves_up_and_down_find_the_load_in_the_middle_of_the_band_and_confirm_it() {
 fn the_pull_does_not_jump_when_the_load_turns_round() {
     let mut observer = observer();
     let before = pulls(&mut observer, LOAD_N - FRICTION_N, 50);
-    let turned = observer.step(&mechanism(), TWIST_RAD, Some(gap_m(LOAD_N - FRICTION_N) - 30e-6));
+    let turned = observer.step(&mechanism(), TWIST_RAD, Some(&measured(gap_m(LOAD_N - FRICTION_N) - 30e-6)));
     assert!(turned.moved_m > 0.0);
     near(turned.pull_n, before.pull_n, 0.05);
-    let after = observer.step(&mechanism(), TWIST_RAD, Some(gap_m(LOAD_N - FRICTION_N) - 30e-6));
+    let after = observer.step(&mechanism(), TWIST_RAD, Some(&measured(gap_m(LOAD_N - FRICTION_N) - 30e-6)));
     near(after.point.gap_m, gap_m(after.load_n + FRICTION_N), 1e-6);
 }
 
@@ -152,27 +158,11 @@ fn a_load_that_moves_shows_its_friction_better_than_one_at_rest() {
     for k in 1..=50u8 {
         let twist_rad = TWIST_RAD - 0.04 * f32::from(k);
         let gap_m = mechanism().at(LOAD_N - FRICTION_N, twist_rad).gap_m;
-        moved_n = observer.step(&mechanism(), twist_rad, Some(gap_m)).load_error_n;
+        moved_n = observer.step(&mechanism(), twist_rad, Some(&measured(gap_m))).load_error_n;
     }
     // 0.6 and 0.3 of the friction.
     let expected_n2 = (1.645 * FRICTION_N).powi(2) * (0.36 - 0.09);
     near(rest_n * rest_n - moved_n * moved_n, expected_n2, 0.2 * expected_n2);
-}
-
-#[test]
-fn a_fast_load_is_known_less_well() {
-    let mut observer = observer();
-    let still_n = pulls(&mut observer, LOAD_N - FRICTION_N, 50).load_error_n;
-    // Up by 0.5 mm in each tick, which a filter of 50 ms has followed to 89 % after ten.
-    let mut twist_rad = TWIST_RAD;
-    let mut measured_n = 0.0;
-    for _ in 0..10 {
-        twist_rad += 0.5e-3 * mechanism().at(LOAD_N + FRICTION_N, twist_rad).tr_rad_per_m();
-        let gap_m = mechanism().at(LOAD_N + FRICTION_N, twist_rad).gap_m;
-        measured_n = observer.step(&mechanism(), twist_rad, Some(gap_m)).load_error_n;
-    }
-    let expected_n = 2.0 * (0.89 * 0.05 - 0.02) * LOAD_N;
-    near(measured_n - still_n, expected_n, 0.35 * expected_n);
 }
 
 #[test]
@@ -202,7 +192,8 @@ fn the_ends_of_the_table_are_told_at_once_where_it_is_heavy_and_beyond_the_error
     };
     let ends = |pull_n: f32| {
         let mut observer = observer();
-        (0..400).fold(false, |_, _| observer.step(&mechanism(), TWIST_RAD, Some(beyond(pull_n))).at_range_end)
+        (0..400)
+            .fold(false, |_, _| observer.step(&mechanism(), TWIST_RAD, Some(&measured(beyond(pull_n)))).at_range_end)
     };
     assert!(ends(m.load_max_n + 1.0) && !ends(m.load_max_n - 0.5));
     assert!(ends(0.2 * m.load_min_n) && !ends(m.load_min_n + 0.1));
@@ -223,25 +214,24 @@ fn the_error_grows_with_the_time_since_homing() {
 #[test]
 fn a_measurement_that_comes_again_changes_nothing_and_one_after_a_gap_begins_anew() {
     let load = hanging(LOAD_N, 0.0, TWIST_RAD);
-    let mut observer = MotionObserver::at_rest(&mechanism(), gap_m(LOAD_N), TWIST_RAD, LOAD_N);
-    let measured = |gap_m, step_s| Measured { gap_m, twist_rad: TWIST_RAD, step_s };
-    let before = observer.now();
+    let mut motion = LoadMotion::at_rest(&mechanism(), gap_m(LOAD_N), TWIST_RAD, LOAD_N);
+    let before = motion;
     // ω² = k/m = g/(W ∂G/∂F)
     let expected = 9.806_65 / (LOAD_N * load.observation.point.dgap_dload_m_per_n);
     near(before.frequency_squared(), expected, 1e-3 * expected);
-    observer.step(&mechanism(), &measured(gap_m(LOAD_N) + 1e-3, 0.0));
-    assert_eq!(observer.now(), before);
-    observer.step(&mechanism(), &measured(gap_m(LOAD_N) + 1e-3, 0.01));
-    assert!(observer.now().speed_m_per_s > 0.0 && observer.now().weight_n > LOAD_N);
-    observer.step(&mechanism(), &measured(gap_m(4.0), 0.051));
-    assert_eq!((observer.now().gap_m, observer.now().speed_m_per_s), (gap_m(4.0), 0.0));
-    near(observer.now().weight_n, 4.0, 0.01);
+    motion.step(&mechanism(), TWIST_RAD, &Measured { gap_m: gap_m(LOAD_N) + 1e-3, step_s: 0.0 });
+    assert_eq!(motion, before);
+    motion.step(&mechanism(), TWIST_RAD, &Measured { gap_m: gap_m(LOAD_N) + 1e-3, step_s: 0.01 });
+    assert!(motion.speed_m_per_s > 0.0 && motion.weight_n > LOAD_N);
+    motion.step(&mechanism(), TWIST_RAD, &Measured { gap_m: gap_m(4.0), step_s: 0.051 });
+    assert_eq!((motion.gap_m, motion.speed_m_per_s), (gap_m(4.0), 0.0));
+    near(motion.weight_n, 4.0, 0.01);
     // After no more than 0.05 s it goes on: half a newton more is not taken for granted.
-    observer.step(&mechanism(), &measured(gap_m(4.5), 0.05));
-    assert!((4.0..4.3).contains(&observer.now().weight_n), "{}", observer.now().weight_n);
+    motion.step(&mechanism(), TWIST_RAD, &Measured { gap_m: gap_m(4.5), step_s: 0.05 });
+    assert!((4.0..4.3).contains(&motion.weight_n), "{}", motion.weight_n);
     // However light it seems, it has a weight: 0.3 of the table's least load.
     for _ in 0..200 {
-        observer.step(&mechanism(), &measured(0.05, 0.01));
+        motion.step(&mechanism(), TWIST_RAD, &Measured { gap_m: 0.05, step_s: 0.01 });
     }
-    near(observer.now().weight_n, 0.3 * table().metadata.load_min_n, 1e-6);
+    near(motion.weight_n, 0.3 * table().metadata.load_min_n, 1e-6);
 }
