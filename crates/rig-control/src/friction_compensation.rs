@@ -140,9 +140,11 @@ impl FrictionCompensation {
         let end = load.mechanism.at(end_n, load.twist_rad);
         let band_m = 2.0 * friction_n * end.dgap_dload_m_per_n.max(observation.point.dgap_dload_m_per_n);
         let tr_rad_per_m = end.tr_rad_per_m();
+        // The weight is known with less noise than the pull, but only some time after the load has come to rest.
+        let pull_n = if self.waiting { load.motion.weight_n } else { observation.pull_n };
         // A pull that is already past the end of the band needs nothing.
-        if direction * (end_n - observation.pull_n) > 0.0 {
-            let missing_m = (end.gap_m - observation.gap_m) * direction;
+        if direction * (end_n - pull_n) > 0.0 {
+            let missing_m = (end.gap_m - load.mechanism.at(pull_n, load.twist_rad).gap_m) * direction;
             self.end_rad += FRACTION * direction * tr_rad_per_m * missing_m.clamp(0.0, 1.25 * band_m);
         }
     }

@@ -95,8 +95,7 @@ pub struct Observation {
     pub load_n: f32,
     /// Friction between load and pull (N).
     pub friction_n: f32,
-    /// Gap (m), filtered, and what the strings pull with there (N).
-    pub gap_m: f32,
+    /// What the strings pull with (N).
     pub pull_n: f32,
     /// The table at this twist and the pull that is expected in the present direction.
     pub point: Point,
@@ -221,13 +220,13 @@ impl LoadObserver {
         let expected_n = self.load_n + self.direction * self.friction_n;
         let point = mechanism.at(expected_n, twist_rad);
         let mut at_range_end = false;
-        let (mut gap_m, mut pull_n) = (point.gap_m, expected_n);
+        let mut pull_n = expected_n;
         if let Some(measured) = measured {
             let motion = self
                 .motion
                 .get_or_insert_with(|| LoadMotion::at_rest(mechanism, measured.gap_m, twist_rad, expected_n));
             motion.step(mechanism, twist_rad, measured);
-            (gap_m, pull_n) = (motion.gap_m, motion.pull_n);
+            pull_n = motion.pull_n;
             let innovation_n = motion.weight_n - expected_n;
             let load_n = self.load_n + self.correction(innovation_n, moved_m, &point);
             self.load_n = load_n.clamp(m.load_min_n, m.load_max_n);
@@ -250,7 +249,6 @@ impl LoadObserver {
         Observation {
             load_n,
             friction_n: self.friction_n,
-            gap_m,
             pull_n,
             point,
             moved_m,

@@ -110,14 +110,15 @@ impl Rest {
         }
     }
 
-    /// The load stands again. What it has risen more than its strings have turned for, it has jumped, if that took it past the
-    /// target; short of it, its jumps are no longer than this way. After some ways past the target the whole way counts as a jump,
-    /// whatever made it so long, or the load would go back and forth for ever.
+    /// The load stands again. A load without stiction swings at most twice as far as its strings have turned; what it has risen
+    /// more than that, it has jumped, if that took it past the target. Short of the target, its jumps are no longer than this way.
+    /// After some ways past the target the whole way counts as a jump, whatever made it so long, or the load would go back and
+    /// forth for ever.
     fn see_way(&mut self, load: &LoadState<'_>) {
         let Some([before_m, before_rad]) = self.stood else { return };
         let rise_m = before_m - self.error_m;
         let turned_m = (load.twist_rad - before_rad) / load.observation.point.tr_rad_per_m();
-        let jump_m = ((rise_m - turned_m) * libm::copysignf(1.0, rise_m)).clamp(0.0, rise_m.abs());
+        let jump_m = ((rise_m - 2.0 * turned_m) * libm::copysignf(1.0, rise_m)).clamp(0.0, rise_m.abs());
         if rise_m.abs() < load.moved_m() {
             return;
         }

@@ -42,7 +42,6 @@ const PROBE_CHANGE_M: f32 = 0.25e-3;
 /// 0.1 N under 0.5 N highly twisted for 6 rad, and 1 N under 15 N from one side of zero twist to the other. Against a jammed load the whole probe adds some 8 N.
 const PROBE_TRAVEL: f32 = 18.0;
 const PROBE_SLOW: f32 = 7.0;
-const PROBE_FAST_SPEED: f32 = 4.0;
 /// Fraction of the motor's speed that is used.
 pub const SPEED_FRACTION: f32 = 0.9;
 /// A shaft that is this far (rad) behind its set-point stands against fully closed strings: more than any drive lags at the
@@ -52,9 +51,6 @@ const PROBE_BEHIND: f32 = 0.5;
 const SEEK_SPEED: f32 = 8.0;
 /// Fall from the maximum gap (m) that shows that the maximum has been passed.
 const SEEK_FALL_M: f32 = 0.6e-3;
-/// Rise from the least gap (m) before a fall counts: a light load that has just torn loose from friction goes up for a
-/// while when the motor has already turned back.
-const SEEK_RISE_M: f32 = 0.15e-3;
 /// Fall before such a rise (m) that shows that this is not the way to zero twist: more of it would close the strings.
 const SEEK_ASTRAY_M: f32 = 3e-3;
 /// Turn without such a rise (rad) that no friction explains which the probe can overcome: the load is jammed.
@@ -70,19 +66,17 @@ const SEEK_TRAVEL: f32 = 12.0 * TAU + PROBE_TRAVEL;
 /// Half the width of the sweeps across the maximum (rad).
 pub const SWEEP_HALF: f32 = 5.0;
 /// Speed of these sweeps (rad/s): slow enough that the load follows without oscillating.
-pub const SWEEP_SPEED: f32 = 3.5;
+pub const SWEEP_SPEED: f32 = 3.4;
 /// Turns past the half-turn pre-twist that the load is weighed over.
 pub const LOAD_TURNS: f32 = 6.0;
 /// Speeds of weighing (rad/s), at the middle of the sweep and at its ends. The speed varies, in both directions alike, so
 /// that the quantization of the drive's speed averages out: at one speed it beats with the period of the commands.
-pub const LOAD_SPEED: [f32; 2] = [3.4, 6.2];
+pub const LOAD_SPEED: [f32; 2] = [SWEEP_SPEED, 6.2];
 /// Acceleration of all of it (rad/s²).
 const ACCELERATION: f32 = 25.0;
-/// Rest before the sweeps across the maximum and before weighing (s), for the load to stop oscillating.
-const CENTRE_REST_S: f32 = 0.3;
-const LOAD_REST_S: f32 = 0.5;
-/// Rest at the pre-twist before the reference is taken, and how long it is averaged over (s).
-const SETTLE_S: f32 = 0.7;
+/// Rest before the sweeps across the maximum, before weighing and before the reference is taken (s), for the load to stop
+/// oscillating, and how long the reference is averaged over (s).
+const REST_S: f32 = 0.5;
 const REFERENCE_S: f32 = 0.4;
 /// How far (m) the load may hang from its place by the sweeps, friction aside: swinging and creep make less, a string that
 /// slips in its clamp makes more.
@@ -303,7 +297,7 @@ impl Homing {
     ) -> Result<Phase, HomingFailure> {
         let goal = start_rad + PROBE_TRAVEL;
         let slow = (self.ramp.position - start_rad).abs() < PROBE_SLOW;
-        let speed = if slow { PROBE_SPEED } else { PROBE_FAST_SPEED.min(limits.speed) };
+        let speed = if slow { PROBE_SPEED } else { SWEEP_SPEED.min(limits.speed) };
         self.ramp.step(goal, speed, limits.acceleration);
         let change = self.smooth_gap_m - gap_m;
         let ended = self.ramp == Ramp::at(goal);
@@ -331,7 +325,9 @@ impl Homing {
         // The probe may have left the motor going the other way: only what lies ahead counts.
         let ahead = (shaft_rad - seek.start_rad) * self.direction > -0.05;
         seek.low_m = seek.low_m.map(|low_m| low_m.min(self.smooth_gap_m));
-        let rises = seek.low_m.is_some_and(|low_m| self.smooth_gap_m - low_m > SEEK_RISE_M);
+        // A light load that has just torn loose from friction goes up for a while when the motor has already turned back: no fall
+        // counts before the gap has risen from its least.
+        let rises = seek.low_m.is_some_and(|low_m| self.smooth_gap_m - low_m > PROBE_CHANGE_M);
         if rises {
             seek.low_m = None;
         }
@@ -365,7 +361,7 @@ impl Homing {
         // From the far side, where the seek came to rest, so that nothing is travelled twice.
         let goal = self.zero_rad + self.direction * SWEEP_HALF;
         let ticks = self.rest_at(goal, SEEK_SPEED, limits, ticks);
-        if f32::from(ticks) * TICK_S < CENTRE_REST_S {
+        if f32::from(ticks) * TICK_S < REST_S {
             return Phase::CentreRest { ticks };
         }
         self.centre = Centre::new(self.zero_rad, SWEEP_HALF);
@@ -387,7 +383,7 @@ impl Homing {
 
     fn rest_before_weigh(&mut self, ticks: u16, limits: &TwistLimits) -> Phase {
         let ticks = self.rest_at(self.zero_rad + PI, LOAD_SPEED[1], limits, ticks);
-        let rested = f32::from(ticks) * TICK_S >= LOAD_REST_S;
+        let rested = f32::from(ticks) * TICK_S >= REST_S;
         if rested { Phase::LoadEstimate } else { Phase::LoadRest { ticks } }
     }
 
@@ -430,10 +426,10 @@ impl Homing {
     ) -> Result<Phase, HomingFailure> {
         let ticks = self.rest_at(self.zero_rad + PI, SWEEP_SPEED, limits, ticks);
         let fitted = self.load_estimate.fit_step(table)?;
-        if f32::from(ticks) * TICK_S > SETTLE_S {
+        if f32::from(ticks) * TICK_S > REST_S {
             rest.add(gap_m);
         }
-        let averaged = f32::from(ticks) * TICK_S > SETTLE_S + REFERENCE_S;
+        let averaged = f32::from(ticks) * TICK_S > REST_S + REFERENCE_S;
         let Some(w) = fitted.filter(|_| averaged && rest.count > 0.0) else {
             return Ok(Phase::Settle { ticks, rest });
         };

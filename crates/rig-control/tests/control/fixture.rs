@@ -46,7 +46,6 @@ pub fn hanging(load_n: f32, friction_n: f32, twist_rad: f32) -> LoadState<'stati
         load_n,
         friction_n,
         pull_n,
-        gap_m: point.gap_m,
         point,
         moved_m: 0.0,
         at_range_end: false,

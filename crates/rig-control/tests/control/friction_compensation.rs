@@ -3,6 +3,7 @@
 use crate::fixture::hanging;
 use rig_control::TICK_S;
 use rig_control::friction_compensation::FrictionCompensation;
+use rig_control::load_motion::LoadMotion;
 use rig_control::load_state::LoadState;
 use rig_control::planner::SetPoint;
 
@@ -13,14 +14,14 @@ fn came_down() -> LoadState<'static> {
     let mut load = hanging(6.0, 0.3, 25.0);
     load.observation.pull_n = 5.7;
     load.observation.point = load.mechanism.at(5.7, 25.0);
-    load.observation.gap_m = load.observation.point.gap_m;
+    load.motion = LoadMotion::at_rest(&load.mechanism, load.observation.point.gap_m, 25.0, 5.7);
     load
 }
 
 /// Twist (rad) that takes the strings' pull from one end of the friction band to the other at a load that does not move.
 fn band_rad(load: &LoadState<'_>) -> f32 {
     let high = load.mechanism.at(6.0 + load.observation.friction_n, load.twist_rad);
-    (high.gap_m - load.observation.gap_m) * high.tr_rad_per_m()
+    (high.gap_m - load.mechanism.at(load.observation.pull_n, load.twist_rad).gap_m) * high.tr_rad_per_m()
 }
 
 /// Turns in the given number of ticks (rad).
@@ -58,7 +59,7 @@ fn a_move_the_other_way_turns_most_of_the_band_at_once_and_no_more_than_the_band
         band_rad(&load)
     );
     let mut off = came_down();
-    off.observation.gap_m -= 10e-3;
+    off.motion.weight_n = 3.0;
     let (low, high) = (off.observation.point, off.mechanism.at(6.3, 25.0));
     let band_m = 0.6 * low.dgap_dload_m_per_n.max(high.dgap_dload_m_per_n);
     let max_rad = 0.95 * 1.25 * band_m * high.tr_rad_per_m();
@@ -124,7 +125,7 @@ fn a_set_point_that_turns_round_under_way_takes_it_up_the_other_way() {
     assert_eq!(turned(&mut compensation, 200, &passing(1e-3), false, &load), 0.0);
     let down_rad = turned(&mut compensation, 200, &passing(-1e-3), false, &load);
     let low = load.mechanism.at(5.7, load.twist_rad);
-    let expected_rad = 0.95 * (low.gap_m - load.observation.gap_m) * low.tr_rad_per_m();
+    let expected_rad = 0.95 * (low.gap_m - load.observation.point.gap_m) * low.tr_rad_per_m();
     assert!(down_rad < 0.0 && (down_rad / expected_rad - 1.0).abs() < 0.02, "{down_rad} of {expected_rad}");
     assert_eq!(turned(&mut compensation, 50, &passing(-1e-3), false, &load), 0.0, "once");
 }

@@ -132,8 +132,8 @@ fn the_load_is_weighed_over_six_turns_at_two_speeds() {
 
 #[test]
 fn a_gap_that_is_no_mechanisms_is_refused_after_as_much_probing_and_searching_as_there_is_to_it() {
-    // Quiet for 0.4 s, then 7 rad at 1.5 rad/s and 11 rad at 4 rad/s.
-    let probe_s = 0.4 + 7.0 / 1.5 + 11.0 / 4.0;
+    // Quiet for 0.4 s, then 7 rad at 1.5 rad/s and 11 rad at 3.4 rad/s.
+    let probe_s = 0.4 + 7.0 / 1.5 + 11.0 / 3.4;
     type Gap = fn(f32, f32) -> f32;
     let cases: [(Gap, HomingFailure, f32, f32); 6] = [
         (|_, _| 0.09, HomingFailure::NoPretwist, probe_s, 0.25),

@@ -57,7 +57,6 @@ fn a_pull_anywhere_in_the_friction_band_says_nothing_of_a_load_at_rest() {
         let seen = pulls(&mut observer, pull_n, 200);
         near(seen.load_n, LOAD_N, 0.02);
         near(seen.pull_n, pull_n, 0.005);
-        near(seen.gap_m, gap_m(pull_n), 2e-6);
         assert!(!seen.changing && seen.confirmed && !seen.at_range_end && seen.moved_m == 0.0);
         assert_eq!(seen.friction_n, FRICTION_N);
         // Known no better than homing left it, and a little worse for what drifts.
