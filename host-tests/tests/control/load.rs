@@ -43,7 +43,7 @@ fn tracks_and_rests_and_weighs_on_plants_that_are_10_percent_off() {
                 let (off, stated) = (load_error(&d).abs(), f64::from(stated_n) / d.truth().load_n);
                 let of = format!("{keys:?}, {load} to {target} m");
                 println!("{of}: {apart:.1e} m on the way, {rest:.1e} m at rest, load {off:.3}, stated {stated:.3}");
-                assert!(apart < 150e-6, "{of}: {apart} m from the set-point");
+                assert!(apart < 160e-6, "{of}: {apart} m from the set-point");
                 assert!(rest.abs() < 50e-6, "{of}: {rest} m at rest");
                 assert!(off < (3.0 * stated).max(0.12), "{of}: load {off}, {stated} stated");
                 covered += u32::from(off <= stated);
