@@ -1,6 +1,7 @@
 //! How a command fails, and with which exit code.
 
 use crate::output::ReaderGone;
+use rig_config::{SceneError, TableError};
 use rig_link::HomingFailure;
 use serde::Serialize;
 
@@ -11,6 +12,15 @@ pub struct ErrorBody {
     pub kind: String,
     /// In words.
     pub message: String,
+}
+
+/// A failure of a kind that programs compare: those of `serve.md`.
+#[derive(Clone, Debug, thiserror::Error)]
+#[error("{message}")]
+pub struct OfKind {
+    /// The kind.
+    pub kind: &'static str,
+    message: String,
 }
 
 /// A homing that failed, by the name that `docs/reference/faults.md` explains.
@@ -54,6 +64,14 @@ impl std::fmt::Display for BrokenOff {
     }
 }
 
+fn is_missing(error: &SceneError) -> bool {
+    match error {
+        SceneError::InFile { source, .. } => is_missing(source),
+        SceneError::Read(e) => e.kind() == std::io::ErrorKind::NotFound,
+        _ => false,
+    }
+}
+
 /// A failed command.
 #[derive(Debug)]
 pub enum Failure {
@@ -69,6 +87,36 @@ impl Failure {
     /// A refusal or failure in words.
     pub fn failed(message: impl Into<String>) -> Self {
         Self::Failed(anyhow::Error::msg(message.into()))
+    }
+
+    /// The same of a kind that programs compare.
+    pub fn of_kind(kind: &'static str, message: impl Into<String>) -> Self {
+        Self::Failed(OfKind { kind, message: message.into() }.into())
+    }
+
+    /// A short stable name of what happened, as the errors of `serve` have it, or `failed`.
+    pub fn kind(&self) -> &'static str {
+        let error = match self {
+            Self::Usage(_) => return "bad-request",
+            Self::Reported => return "failed",
+            Self::Failed(error) => error,
+        };
+        if let Some(OfKind { kind, .. }) = error.downcast_ref() {
+            kind
+        } else if let Some(BrokenOff { why, .. }) = error.downcast_ref() {
+            match why {
+                Why::Interrupted => "stopped",
+                Why::Silent => "board-silent",
+            }
+        } else if error.is::<HomingFailed>() {
+            "homing-failed"
+        } else if let Some(scene) = error.downcast_ref::<SceneError>() {
+            if is_missing(scene) { "no-file" } else { "scene" }
+        } else if error.is::<TableError>() {
+            "scene"
+        } else {
+            "failed"
+        }
     }
 
     /// As an error of a program on the library: `.map_err(Failure::into_error)?`.
@@ -159,6 +207,23 @@ mod tests {
         let lost: Failure = line.context("reading from the serial port").expect_err("it fails").into();
         assert!(!lost.is_reader_gone());
         assert_eq!(lost.message().as_deref(), Some("reading from the serial port: broken pipe"));
+    }
+
+    #[test]
+    fn a_failure_has_a_kind_that_programs_compare() {
+        let missing = rig_config::Scene::load("no-such.toml").expect_err("no such file");
+        let wrong = rig_config::Scene::from_toml_str("x = 1").expect_err("no scene");
+        let silent = BrokenOff { why: Why::Silent, stopped: false };
+        for (failure, kind) in [
+            (Failure::Usage("x".into()), "bad-request"),
+            (Failure::failed("x"), "failed"),
+            (Failure::of_kind("refused", "x"), "refused"),
+            (silent.into(), "board-silent"),
+            (missing.into(), "no-file"),
+            (wrong.into(), "scene"),
+        ] {
+            assert_eq!(failure.kind(), kind);
+        }
     }
 
     #[test]

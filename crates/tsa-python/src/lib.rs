@@ -1,10 +1,12 @@
 //! The native part of the Python package `tsa_rig`: arrays in, arrays out. What a user sees, with its documentation, is in
 //! `python/tsa_rig`.
 
+use errors::{broken, of_kind, wrong};
 use numpy::{PyArray2, PyReadonlyArray1};
-use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
+mod errors;
+mod inverse;
 mod rig;
 mod tool;
 mod trial;
@@ -19,8 +21,16 @@ type Columns<'py> = (Bound<'py, PyArray2<f64>>, Vec<(usize, String)>);
 #[pyclass(frozen)]
 struct Scene(rig_config::Scene);
 
-fn wrong(error: impl std::fmt::Display) -> PyErr {
-    PyValueError::new_err(error.to_string())
+/// What is wrong with a scene.
+fn unfit(error: impl Into<rigctl::failure::Failure>) -> PyErr {
+    match error.into() {
+        failure if failure.kind() == "no-file" => errors::error(failure),
+        failure => of_kind("scene", &failure.message().unwrap_or_default()),
+    }
+}
+
+fn finite(name: &str, value: f64) -> Result<(), String> {
+    if value.is_finite() { Ok(()) } else { Err(format!("{name} {value} must be finite")) }
 }
 
 /// `f` at each load and number of turns on all cores, without Python's lock; a refused point is not a number.
@@ -55,24 +65,24 @@ fn columns<'py, const N: usize>(
 impl Scene {
     #[staticmethod]
     fn load(path: std::path::PathBuf) -> PyResult<Self> {
-        rig_config::Scene::load(path).map(Self).map_err(wrong)
+        rig_config::Scene::load(path).map(Self).map_err(unfit)
     }
 
     #[staticmethod]
     fn parse(text: &str) -> PyResult<Self> {
-        rig_config::Scene::from_toml_str(text).map(Self).map_err(wrong)
+        rig_config::Scene::from_toml_str(text).map(Self).map_err(unfit)
     }
 
     /// From all keys, as [`Scene::json`] gives them.
     #[staticmethod]
     fn from_json(text: &str) -> PyResult<Self> {
-        let scene: rig_config::Scene = serde_json::from_str(text).map_err(wrong)?;
-        scene.validate().map_err(wrong)?;
+        let scene: rig_config::Scene = serde_json::from_str(text).map_err(unfit)?;
+        scene.validate().map_err(unfit)?;
         Ok(Self(scene))
     }
 
     fn json(&self) -> PyResult<String> {
-        serde_json::to_string(&self.0).map_err(wrong)
+        serde_json::to_string(&self.0).map_err(broken)
     }
 
     /// Equilibria by the full model, in the order of `Equilibria` of the Python part.
@@ -82,11 +92,10 @@ impl Scene {
         load_n: PyReadonlyArray1<'py, f64>,
         turns: PyReadonlyArray1<'py, f64>,
     ) -> PyResult<Columns<'py>> {
-        let mechanism = self.0.mechanism().map_err(wrong)?;
+        let mechanism = self.0.mechanism().map_err(unfit)?;
         columns(py, &load_n, &turns, |query| {
-            if !(query.load_n.is_finite() && query.turns.is_finite()) {
-                return Err(format!("load {} N and {} turns must be finite", query.load_n, query.turns));
-            }
+            finite("load_n", query.load_n)?;
+            finite("turns", query.turns)?;
             let twist_rad = tsa_model::twist_from_turns(query.turns);
             let at = |twist_rad| mechanism.solve(query.load_n, twist_rad).map_err(|e| e.to_string());
             let (start, e) = (at(tsa_model::PRETWIST_RAD)?, at(twist_rad)?);
@@ -104,14 +113,37 @@ impl Scene {
                 e.gap_m,
                 e.dgap_dtwist_m_per_rad,
                 e.dgap_dload_m_per_n,
-                e.torque_nm,
+                // The state itself is there.
+                mechanism.conservative_torque_nm(query.load_n, twist_rad).unwrap_or(f64::NAN),
             ])
         })
     }
 
+    /// The load (N) under which a gap (m) is held at a twist.
+    fn force<'py>(
+        &self,
+        py: Python<'py>,
+        gap_m: PyReadonlyArray1<'py, f64>,
+        turns: PyReadonlyArray1<'py, f64>,
+    ) -> PyResult<Columns<'py>> {
+        let mechanism = self.0.mechanism().map_err(unfit)?;
+        columns(py, &gap_m, &turns, |query| Ok([inverse::force(&mechanism, query.load_n, query.turns)?]))
+    }
+
+    /// The turns that hold a gap (m) under a load.
+    fn twist<'py>(
+        &self,
+        py: Python<'py>,
+        load_n: PyReadonlyArray1<'py, f64>,
+        gap_m: PyReadonlyArray1<'py, f64>,
+    ) -> PyResult<Columns<'py>> {
+        let mechanism = self.0.mechanism().map_err(unfit)?;
+        columns(py, &load_n, &gap_m, |query| Ok([inverse::twist(&mechanism, query.load_n, query.turns)?]))
+    }
+
     /// The table that the firmware carries for this scene.
     fn table(&self, py: Python<'_>) -> PyResult<Table> {
-        py.detach(|| self.0.fit_table()).map(Table).map_err(wrong)
+        py.detach(|| self.0.fit_table()).map(Table).map_err(unfit)
     }
 }
 
@@ -152,7 +184,7 @@ impl Table {
 #[pymodule]
 mod _core {
     #[pymodule_export]
-    use super::rig::Board;
+    use super::rig::{Board, Motion};
     #[pymodule_export]
     use super::tool::{refit, tool};
     #[pymodule_export]

@@ -1,78 +1,154 @@
 //! A conversation with a board, emulated or real.
 
-use crate::tool::error;
-use pyo3::exceptions::{PyKeyboardInterrupt, PyRuntimeError, PyRuntimeWarning, PyValueError};
+use crate::errors::{broken, error, of_kind, wrong};
+use crate::tool::printed;
+use pyo3::exceptions::{PyKeyboardInterrupt, PyRuntimeWarning};
 use pyo3::prelude::*;
 use rig_link::{LoadChoice, Request};
+use rig_plant::{PlantChange, PlantKey};
 use rigctl::board_settings;
+use rigctl::commands::{calibrate::Calibrate, config::Config, sweep::Sweep, *};
 use rigctl::failure::Failure;
-use rigctl::session::row::Row;
+use rigctl::lvdt_points::Point;
+use rigctl::out_file::OutFile;
+use rigctl::output::Output;
+use rigctl::session::row::{Entry, Row};
 use rigctl::session::sim::SimOptions;
-use rigctl::session::{Place, Session, Target, homing, interrupt, motion, stream};
+use rigctl::session::{Place, Session, Target, homing, motion, stream, table};
 use rigctl::trajectory::Trajectory;
+use serde_json::json;
 use std::ffi::CString;
 use std::path::PathBuf;
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{self, Receiver, RecvTimeoutError};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
 
-/// A board and what it has told so far. One thread at a time talks to it.
+/// How often a call that waits for another thread looks at Python's signals.
+const LOOK: Duration = Duration::from_millis(20);
+/// How long an emulated rig hangs at rest before a sweep (s).
+const HUNG_S: f64 = 3.0;
+
+/// A board and what it has told so far. One thread at a time talks to it; the rows can be read meanwhile.
 #[pyclass(frozen)]
-pub(crate) struct Board(Mutex<Talk>);
+pub(crate) struct Board(Arc<Shared>);
+
+struct Shared {
+    talk: Mutex<Talk>,
+    rows: Mutex<Vec<Row>>,
+    /// Everything that passes.
+    entries: Mutex<Receiver<Entry>>,
+    /// Stops what goes on in the session.
+    interrupt: Arc<AtomicBool>,
+}
 
 struct Talk {
     /// `None` after [`Board::close`].
     session: Option<Session>,
-    rows: Vec<Row>,
+    target: Target,
 }
 
 /// As the tool prints it with `--json`.
 fn json(value: &impl serde::Serialize) -> PyResult<String> {
-    serde_json::to_string(value).map_err(|e| PyRuntimeError::new_err(e.to_string()))
+    serde_json::to_string(value).map_err(broken)
 }
 
 fn load_choice(load_n: Option<f64>) -> LoadChoice {
     load_n.map_or(LoadChoice::Auto, |load_n| LoadChoice::Known(load_n as f32))
 }
 
-impl Board {
-    fn talk(&self) -> MutexGuard<'_, Talk> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl Shared {
+    /// Does something with the session.
+    fn work<T>(&self, work: impl FnOnce(&mut Session, &Target) -> Result<T, Failure>) -> Result<T, Failure> {
+        let Talk { session, target } = &mut *locked(&self.talk);
+        let session = session.as_mut().ok_or_else(closed)?;
+        // What ended an earlier motion does not end this one; a fault is latched, and refuses it.
+        session.take_events();
+        let result = work(session, target);
+        session.take_rows();
+        result
     }
 
     /// Does something with the session, without Python's lock. Ctrl-C stops the board first.
     fn with<T: Send>(
         &self,
         py: Python<'_>,
-        work: impl FnOnce(&mut Session, &mut dyn FnMut(&Row)) -> Result<T, Failure> + Send,
+        work: impl FnOnce(&mut Session, &Target) -> Result<T, Failure> + Send,
     ) -> PyResult<T> {
+        let mut signalled = false;
         let result = py.detach(|| {
-            let Talk { session, rows } = &mut *self.talk();
-            let session = session.as_mut().ok_or_else(|| Failure::failed("the rig is closed"))?;
-            let mut each = |row: &Row| {
-                rows.push(row.clone());
-                if Python::attach(|py| py.check_signals()).is_err() {
-                    interrupt::ask();
+            let (done, end) = mpsc::channel();
+            // Python's signals are this thread's, whatever the other one waits for.
+            std::thread::scope(|scope| {
+                scope.spawn(move || done.send(self.work(work)));
+                loop {
+                    match end.recv_timeout(LOOK) {
+                        Ok(result) => return result,
+                        Err(RecvTimeoutError::Disconnected) => return Err(Failure::failed("it has panicked")),
+                        Err(RecvTimeoutError::Timeout) => {}
+                    }
+                    if Python::attach(|py| py.check_signals()).is_err() {
+                        signalled = true;
+                        self.interrupt.store(true, Ordering::Relaxed);
+                    }
                 }
-            };
-            // What ended an earlier motion does not end this one; a fault is latched, and refuses it.
-            session.take_events();
-            let result = work(session, &mut each);
-            session.take_rows().iter().for_each(&mut each);
-            result
+            })
         });
-        if interrupt::wanted() {
-            interrupt::forget();
+        if signalled {
+            // It may have ended before its next step.
+            self.interrupt.store(false, Ordering::Relaxed);
             return Err(PyKeyboardInterrupt::new_err("the board was stopped"));
         }
         result.map_err(error)
     }
+
+    /// Runs a command of the tool in the session; the object that it prints. A failure after it is in the object.
+    fn command(
+        &self,
+        py: Python<'_>,
+        run: impl FnOnce(&mut Session, &Target, &mut Output) -> Result<(), Failure> + Send,
+    ) -> PyResult<String> {
+        self.with(py, |session, target| printed(|output| run(session, target, output)))
+    }
+
+    /// Stops what another thread does with the session, and waits for its end.
+    fn alone(&self) -> MutexGuard<'_, Talk> {
+        self.interrupt.store(true, Ordering::Relaxed);
+        let talk = locked(&self.talk);
+        self.interrupt.store(false, Ordering::Relaxed);
+        talk
+    }
+
+    /// All rows so far.
+    fn rows(&self) -> MutexGuard<'_, Vec<Row>> {
+        let mut rows = locked(&self.rows);
+        rows.extend(locked(&self.entries).try_iter().filter_map(|entry| match entry {
+            Entry::Row(row) => Some(row),
+            _ => None,
+        }));
+        rows
+    }
+
+    fn newest_s(&self) -> f64 {
+        self.rows().last().map_or(0.0, |row| row.t_s)
+    }
 }
 
 /// As [`Target::connect`], without a handler for Ctrl-C: Python has its own.
-fn connect(target: &Target) -> Result<Session, Failure> {
-    rigctl::scene_file::load_rig(&target.scene)?;
+fn connect(target: &Target, any_table: bool) -> Result<Session, Failure> {
+    let scene = rigctl::scene_file::load_rig(&target.scene)?;
     let mut session = target.open()?;
     session.greet()?;
-    target.check_scene(&session)?;
+    if !any_table {
+        if target.emulated().is_some() && session.require_identity()?.scene_hash != scene.hash() {
+            table::send(&mut session, &scene, &target.scene)?;
+        }
+        target.check_scene(&session)?;
+    }
     session.wait_started()?;
     Ok(session)
 }
@@ -82,15 +158,78 @@ fn acknowledged(stopped: bool) -> Result<(), Failure> {
     if stopped {
         Ok(())
     } else {
-        Err(Failure::failed("the board did NOT acknowledge the stop: it may still turn the motor"))
+        Err(Failure::of_kind("board-silent", "the board did NOT acknowledge the stop: it may still turn the motor"))
+    }
+}
+
+fn closed() -> Failure {
+    Failure::of_kind("closed", "the rig is closed")
+}
+
+fn stop(talk: &mut Talk) -> Result<(), Failure> {
+    let session = talk.session.as_mut().ok_or_else(closed)?;
+    acknowledged(session.stop()?)
+}
+
+/// What a motion ended with, once it has.
+#[derive(Default)]
+struct End {
+    result: Mutex<Option<Result<String, (&'static str, String)>>>,
+    there: Condvar,
+}
+
+/// A move that another thread leads.
+#[pyclass(frozen)]
+pub(crate) struct Motion {
+    shared: Arc<Shared>,
+    end: Arc<End>,
+}
+
+#[pymethods]
+impl Motion {
+    #[getter]
+    fn done(&self) -> bool {
+        locked(&self.end.result).is_some()
+    }
+
+    /// The result; `None` if it has not ended after a time (s).
+    fn wait(&self, py: Python<'_>, seconds: Option<f64>) -> PyResult<Option<String>> {
+        let limit = match seconds.map(Duration::try_from_secs_f64) {
+            None => None,
+            Some(Ok(limit)) => Some(limit),
+            Some(Err(e)) => return Err(wrong(format!("timeout: {e}"))),
+        };
+        let start = std::time::Instant::now();
+        loop {
+            let ended = py.detach(|| {
+                let result = locked(&self.end.result);
+                if result.is_some() {
+                    return result.clone();
+                }
+                let waited = self.end.there.wait_timeout(result, LOOK);
+                waited.unwrap_or_else(PoisonError::into_inner).0.clone()
+            });
+            if let Some(result) = ended {
+                return result.map(Some).map_err(|(kind, text)| of_kind(kind, &text));
+            }
+            if let Err(signal) = py.check_signals() {
+                py.detach(|| stop(&mut self.shared.alone())).map_err(error)?;
+                return Err(signal);
+            }
+            if limit.is_some_and(|limit| start.elapsed() >= limit) {
+                return Ok(None);
+            }
+        }
     }
 }
 
 #[pymethods]
 impl Board {
-    /// Connects: `sim` starts an emulated board whose programs are in a folder, anything else is a serial device.
+    /// Connects: `sim` starts an emulated board whose programs are in a folder, anything else is a serial device. With `any_table`
+    /// the board's table may be for another scene.
     #[new]
-    #[pyo3(signature = (port, scene, rig, seed, plant, programs))]
+    #[pyo3(signature = (port, scene, rig, seed, plant, programs, any_table))]
+    #[expect(clippy::too_many_arguments, reason = "those of `tsa_rig.Rig`")]
     fn new(
         py: Python<'_>,
         port: &str,
@@ -99,12 +238,12 @@ impl Board {
         seed: u64,
         plant: Vec<String>,
         programs: Option<PathBuf>,
+        any_table: bool,
     ) -> PyResult<Self> {
-        let wrong = |e: &dyn std::fmt::Display| PyValueError::new_err(e.to_string());
         let place = if port == "sim" {
             let emulated = SimOptions {
-                rig: Some(rig.parse().map_err(|e| wrong(&e))?),
-                plant: plant.iter().map(|change| change.parse()).collect::<Result<_, _>>().map_err(|e| wrong(&e))?,
+                rig: Some(rig.parse().map_err(|e| wrong(format!("rig: {e}")))?),
+                plant: plant.iter().map(|change| change.parse()).collect::<Result<_, _>>().map_err(wrong)?,
                 seed,
                 programs,
                 ..SimOptions::new(scene.clone())
@@ -115,21 +254,49 @@ impl Board {
         } else {
             Place::Device(port.to_owned())
         };
-        let session = py.detach(|| connect(&Target { scene, place })).map_err(error)?;
+        let target = Target { scene, place };
+        let mut session = py.detach(|| connect(&target, any_table)).map_err(error)?;
         if let Some(warning) = session.known_settings().and_then(board_settings::warning) {
-            let text = CString::new(warning).map_err(|e| wrong(&e))?;
+            let text = CString::new(warning).map_err(broken)?;
             PyErr::warn(py, &py.get_type::<PyRuntimeWarning>(), &text, 2)?;
         }
-        Ok(Self(Mutex::new(Talk { session: Some(session), rows: Vec::new() })))
+        let (interrupt, entries) = (session.interrupt(), Mutex::new(session.watch()));
+        let talk = Mutex::new(Talk { session: Some(session), target });
+        Ok(Self(Arc::new(Shared { talk, rows: Mutex::default(), entries, interrupt })))
     }
 
     fn home(&self, py: Python<'_>, load_n: Option<f64>) -> PyResult<String> {
-        json(&self.with(py, |session, each| homing::home(session, load_choice(load_n), each))?)
+        json(&self.0.with(py, |session, _| homing::home(session, load_choice(load_n), |_| {}))?)
     }
 
     fn move_to(&self, py: Python<'_>, target_m: f64, speed_m_per_s: f64, load_n: Option<f64>) -> PyResult<String> {
         let load = load_choice(load_n);
-        json(&self.with(py, |session, each| motion::move_to(session, target_m, speed_m_per_s, load, each))?)
+        json(&self.0.with(py, |session, _| motion::move_to(session, target_m, speed_m_per_s, load, |_| {}))?)
+    }
+
+    /// As [`Board::move_to`], led by another thread.
+    fn begin_move(&self, py: Python<'_>, target_m: f64, speed_m_per_s: f64, load_n: Option<f64>) -> PyResult<Motion> {
+        let (shared, end, load) = (self.0.clone(), Arc::new(End::default()), load_choice(load_n));
+        let motion = Motion { shared: shared.clone(), end: end.clone() };
+        let (began, begins) = mpsc::channel();
+        std::thread::Builder::new()
+            .spawn(move || {
+                let result = shared.work(|session, _| {
+                    // The caller goes on once the session is this thread's.
+                    let _ = began.send(());
+                    motion::move_to(session, target_m, speed_m_per_s, load, |_| {})
+                });
+                let result = match result {
+                    Ok(moved) => serde_json::to_string(&moved).map_err(|e| ("failed", e.to_string())),
+                    Err(failure) => Err((failure.kind(), failure.message().unwrap_or_default())),
+                };
+                *locked(&end.result) = Some(result);
+                end.there.notify_all();
+            })
+            .map_err(broken)?;
+        // Nothing comes if the rig is closed, which `wait` says.
+        let _ = py.detach(move || begins.recv());
+        Ok(motion)
     }
 
     fn track(
@@ -140,51 +307,152 @@ impl Board {
         speeds_m_per_s: Option<Vec<f64>>,
     ) -> PyResult<String> {
         let trajectory = Trajectory::new(&times_s, &positions_m, speeds_m_per_s.as_deref());
-        let trajectory = trajectory.map_err(PyValueError::new_err)?;
-        json(&self.with(py, |session, each| stream::track(session, &trajectory, each))?)
+        let trajectory = trajectory.map_err(wrong)?;
+        json(&self.0.with(py, |session, _| stream::track(session, &trajectory, |_| {}))?)
     }
 
-    /// Lets time pass (s).
+    fn jog(&self, py: Python<'_>, speed_rad_per_s: f64, seconds: f64) -> PyResult<()> {
+        self.0.with(py, |session, _| motion::jog(session, speed_rad_per_s, seconds))
+    }
+
+    /// Lets time pass (s): that of the motion which another thread leads, and what is left of it after its end.
     fn wait(&self, py: Python<'_>, seconds: f64) -> PyResult<()> {
-        self.with(py, |session, each| {
-            let end_s = session.now_s() + seconds;
-            while session.now_s() < end_s {
-                session.step()?;
-                session.take_rows().iter().for_each(&mut *each);
+        let end_s = self.0.newest_s() + seconds;
+        let mut was_led = false;
+        while py.detach(|| self.0.talk.try_lock().is_err()) {
+            was_led = true;
+            if self.0.newest_s() >= end_s {
+                return Ok(());
             }
-            Ok(())
-        })
+            py.detach(|| std::thread::sleep(Duration::from_millis(1)));
+            py.check_signals()?;
+        }
+        let seconds = if was_led { end_s - self.0.newest_s() } else { seconds };
+        self.0.with(py, |session, _| session.until(seconds, |_| false).map(drop))
     }
 
+    /// Also stops what another thread does.
     fn stop(&self, py: Python<'_>) -> PyResult<()> {
-        self.with(py, |session, _| acknowledged(session.stop()?))
+        py.detach(|| drop(self.0.alone()));
+        self.0.with(py, |session, _| acknowledged(session.stop()?))
     }
 
     fn clear(&self, py: Python<'_>) -> PyResult<()> {
-        self.with(py, |session, _| session.request(&Request::Clear).map(drop))
+        self.0.with(py, |session, _| session.request(&Request::Clear).map(drop))
+    }
+
+    fn status(&self, py: Python<'_>) -> PyResult<String> {
+        self.0.command(py, status::of)
+    }
+
+    /// The paper's experiment. On an emulated rig the load is hung first.
+    fn sweep(&self, py: Python<'_>, load_n: f64, turns: f64, speed_rad_per_s: f64, out: PathBuf) -> PyResult<String> {
+        let sweep = Sweep { load: load_n, after: None, turns, speed: speed_rad_per_s, out };
+        self.0.command(py, |session, target, output| {
+            let out = OutFile::new(&sweep.out)?;
+            let table = &session.require_identity()?.table;
+            let is_covered = (f64::from(table.load_min_n)..=f64::from(table.load_max_n)).contains(&load_n);
+            // A load that is not covered is refused below.
+            if let Some(emulated) = session.emulated().filter(|_| is_covered) {
+                emulated.plant(PlantChange { key: PlantKey::Load, value: load_n })?;
+                session.until(HUNG_S, |_| false)?;
+            }
+            sweep::of(session, target, &sweep, out, false, output)
+        })
+    }
+
+    #[pyo3(signature = (gap_m, point, points, gauge_error_m))]
+    fn calibrate_lvdt(
+        &self,
+        py: Python<'_>,
+        gap_m: Option<f64>,
+        point: Option<(f64, f64)>,
+        points: Option<PathBuf>,
+        gauge_error_m: f64,
+    ) -> PyResult<String> {
+        let point = point.map(|(gap_m, sensor_m)| Point { gap_m, sensor_m });
+        self.calibrate(py, &Calibrate::Lvdt { gap: gap_m, point, points, gauge_error: gauge_error_m, no_points: false })
+    }
+
+    fn calibrate_zero(&self, py: Python<'_>) -> PyResult<String> {
+        self.calibrate(py, &Calibrate::Zero)
+    }
+
+    /// Sends the board the table of a scene, which is the session's from then on.
+    fn make_table(&self, py: Python<'_>, scene: Option<PathBuf>) -> PyResult<String> {
+        let scene = scene.unwrap_or_else(|| locked(&self.0.talk).target.scene.clone());
+        let sent = self.0.with(py, |session, _| {
+            let checked = rigctl::scene_file::load_rig(&scene)?;
+            let sent = table::send(session, &checked, &scene)?;
+            let metadata = sent.fit.table.metadata;
+            Ok(json!({
+                "scene_hash": format!("{:08x}", checked.hash()),
+                "bytes": sent.fit.table.numbers.bytes(),
+                "contraction_error_m": metadata.contraction_error_m,
+                "tr_relative_error": metadata.tr_relative_error,
+                "kept": sent.kept,
+            }))
+        })?;
+        locked(&self.0.talk).target.scene = scene;
+        json(&sent)
+    }
+
+    fn config_get(&self, py: Python<'_>, name: Option<&str>) -> PyResult<String> {
+        let name = name.map(board_settings::named).transpose().map_err(wrong)?;
+        self.config(py, &Config::Get { name })
+    }
+
+    fn config_set(&self, py: Python<'_>, name: &str, value: String) -> PyResult<String> {
+        let name = board_settings::named(name).map_err(wrong)?;
+        self.config(py, &Config::Set { name, value })
+    }
+
+    fn config_backup(&self, py: Python<'_>, file: PathBuf) -> PyResult<String> {
+        self.config(py, &Config::Backup { file })
+    }
+
+    fn config_restore(&self, py: Python<'_>, file: PathBuf, force: bool) -> PyResult<String> {
+        self.config(py, &Config::Restore { file, force })
     }
 
     /// Changes an emulated rig (`load=0.5kg`).
     fn plant(&self, py: Python<'_>, change: &str) -> PyResult<()> {
-        let change = change.parse().map_err(|e: rig_plant::PlantError| PyValueError::new_err(e.to_string()))?;
-        self.with(py, |session, _| match session.emulated() {
+        let change = change.parse().map_err(|e: rig_plant::PlantError| wrong(e))?;
+        self.0.with(py, |session, _| match session.emulated() {
             Some(emulated) => emulated.plant(change),
             None => Err(Failure::Usage("only an emulated rig has a plant to change".into())),
         })
     }
 
-    /// All telemetry since the connection, one JSON object a row.
-    fn rows(&self) -> PyResult<String> {
-        json(&self.talk().rows)
+    /// Telemetry since the connection, from the row of this number on, one JSON object a row.
+    fn rows(&self, from: usize) -> PyResult<String> {
+        json(&self.0.rows().get(from..).unwrap_or_default())
     }
 
     /// Stops what moves and ends the conversation.
     fn close(&self, py: Python<'_>) -> PyResult<()> {
-        if self.talk().session.is_none() {
-            return Ok(());
-        }
-        let stopped = self.with(py, |session, _| acknowledged(session.stop()?));
-        self.talk().session = None;
-        stopped
+        let stopped = py.detach(|| {
+            let mut talk = self.0.alone();
+            if talk.session.is_none() {
+                return Ok(());
+            }
+            let stopped = stop(&mut talk);
+            talk.session = None;
+            stopped
+        });
+        stopped.map_err(error)
+    }
+}
+
+impl Board {
+    fn calibrate(&self, py: Python<'_>, what: &Calibrate) -> PyResult<String> {
+        self.0.command(py, |session, target, output| {
+            let scene = rigctl::scene_file::load(&target.scene)?;
+            calibrate::of(session, &scene.rig, what, true, output)
+        })
+    }
+
+    fn config(&self, py: Python<'_>, what: &Config) -> PyResult<String> {
+        self.0.command(py, |session, _, output| config::of(session, what, true, output))
     }
 }

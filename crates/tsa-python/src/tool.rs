@@ -1,7 +1,7 @@
 //! The commands of `rigctl` that need no rig, in this process.
 
+use crate::errors::{error, wrong};
 use clap::Parser;
-use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 use rig_config::Scene;
 use rigctl::cli::{self, Cli};
@@ -31,28 +31,22 @@ impl Write for Printed {
     }
 }
 
-/// The error of a failed command: wrong usage is a `ValueError`.
-pub(crate) fn error(failure: Failure) -> PyErr {
-    let text = failure.message().unwrap_or_else(|| "failed".into());
-    match failure {
-        Failure::Usage(_) => PyValueError::new_err(text),
-        Failure::Failed(_) | Failure::Reported => PyRuntimeError::new_err(text),
-    }
+/// What a command prints with `--json`, one object a line.
+pub(crate) fn printed(run: impl FnOnce(&mut Output) -> Result<(), Failure>) -> Result<String, Failure> {
+    let printed = Printed::default();
+    let mut output = Output::new(true, Box::new(printed.clone()));
+    run(&mut output)?;
+    output.flush()?;
+    let bytes = std::mem::take(&mut *printed.0.lock().unwrap_or_else(PoisonError::into_inner));
+    Ok(String::from_utf8(bytes)?)
 }
 
 /// Runs a command with `--json`; what it prints, one object a line.
 #[pyfunction]
 pub(crate) fn tool(py: Python<'_>, arguments: Vec<String>) -> PyResult<String> {
     let words = ["rigctl".to_owned(), "--json".to_owned()].into_iter().chain(arguments);
-    let cli = Cli::try_parse_from(words).map_err(|e| PyValueError::new_err(e.to_string()))?;
-    let printed = Printed::default();
-    py.detach(|| {
-        let mut output = Output::new(true, Box::new(printed.clone()));
-        cli::run(&cli, &mut output)
-    })
-    .map_err(error)?;
-    let bytes = std::mem::take(&mut *printed.0.lock().unwrap_or_else(PoisonError::into_inner));
-    String::from_utf8(bytes).map_err(|e| PyRuntimeError::new_err(e.to_string()))
+    let cli = Cli::try_parse_from(words).map_err(wrong)?;
+    py.detach(|| printed(|output| cli::run(&cli, output))).map_err(error)
 }
 
 /// A law and a material fitted to recorded sweeps, or to other values of their rows and with what is expected of the unknowns
@@ -69,7 +63,7 @@ pub(crate) fn refit(
     values: Option<Vec<f64>>,
     shifts: Vec<f64>,
 ) -> PyResult<String> {
-    let unknown = || PyValueError::new_err(format!("no law `{law}` with a material `{material}`"));
+    let unknown = || wrong(format!("no law `{law}` with a material `{material}`"));
     let law = Law::named(law).ok_or_else(unknown)?;
     let material = Constant::named(material).ok_or_else(unknown)?;
     let fitted = py.detach(|| {

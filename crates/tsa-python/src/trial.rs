@@ -1,7 +1,6 @@
 //! Trials of emulated rigs on the fast bench.
 
-use crate::wrong;
-use pyo3::exceptions::PyRuntimeError;
+use crate::errors::{broken, wrong};
 use pyo3::prelude::*;
 use rig_plant::RigPreset;
 use rig_plant::bench::booted;
@@ -23,5 +22,5 @@ struct Tried {
 pub(crate) fn trial(py: Python<'_>, kind: &str, seed: u64) -> PyResult<String> {
     let trial = Trial::new(kind.parse::<RigPreset>().map_err(wrong)?, seed);
     let (stated, ended) = py.detach(|| trial.run(booted()));
-    serde_json::to_string(&Tried { trial, stated, ended }).map_err(|e| PyRuntimeError::new_err(e.to_string()))
+    serde_json::to_string(&Tried { trial, stated, ended }).map_err(broken)
 }

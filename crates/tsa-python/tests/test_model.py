@@ -81,7 +81,7 @@ def test_bad_scenes_are_named(tmp_path: Path) -> None:
     bad.write_text(DEFAULT.read_text().replace("[string]", "[strings]"))
     with pytest.raises(ValueError, match="strings"):
         tsa_rig.Scene.load(bad)
-    with pytest.raises(ValueError, match="missing.toml"):
+    with pytest.raises(FileNotFoundError, match="missing.toml"):
         tsa_rig.Scene.load(tmp_path / "missing.toml")
 
 

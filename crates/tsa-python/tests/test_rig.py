@@ -63,7 +63,7 @@ def test_refusals_are_errors_with_the_boards_words() -> None:
         tsa_rig.Rig("sim", scene=SCENE, plant={"load": "heavy"}, programs=PROGRAMS)
     with pytest.raises(RuntimeError, match="no-such-device"):
         tsa_rig.Rig("/dev/no-such-device", scene=SCENE)
-    with pytest.raises(RuntimeError, match="rig-emulator"):
+    with pytest.raises(FileNotFoundError, match="rig-emulator"):
         tsa_rig.Rig("sim", scene=SCENE, programs="/nowhere")
 
 
@@ -88,3 +88,100 @@ def test_ctrl_c_stops_the_board_and_python_goes_on() -> None:
         told = rig.telemetry()
         assert told["state"][-1] == "holding" and np.ptp(told["position_m"][-50:]) < 1e-4
         rig.move(0.004)
+
+
+def test_a_move_goes_on_while_the_program_does_other_things() -> None:
+    with emulated() as rig:
+        rig.home()
+        motion = rig.move(0.008, wait=False)
+        assert not motion.done
+        rows = list(rig.rows(0.5))
+        assert len(rows) == 50 and rows[-1]["position_m"] > rows[0]["position_m"] and rows[-1]["state"] == "moving"
+        with pytest.raises(tsa_rig.OperationError) as late:
+            motion.wait(timeout=0.0)
+        assert late.value.kind == "timeout" and not motion.done
+        moved = motion.wait()
+        assert motion.done and abs(moved["error_m"]) < 1e-4 and motion.wait() == moved
+        assert rig.latest()["state"] in ("moving", "holding") and moved["target_m"] == 0.008
+        motion = rig.move(0.002, speed=0.001, wait=False)
+        rig.wait(0.5)
+        rig.stop()
+        with pytest.raises(tsa_rig.OperationError, match="stopped") as stopped:
+            motion.wait()
+        assert stopped.value.kind == "stopped"
+        motion = rig.move(0.5, wait=False)
+        with pytest.raises(tsa_rig.OperationError, match="allowed are") as refused:
+            motion.wait()
+        assert refused.value.kind == "refused"
+        told = rig.telemetry()
+        assert np.allclose(np.diff(told["t_s"]), 0.01, atol=1e-4), "the rows of all calls, without a gap"
+        # What is closed stops what moves.
+        motion = rig.move(0.008, wait=False)
+    with pytest.raises(tsa_rig.OperationError):
+        motion.wait()
+
+
+def test_settings_are_kept_backed_up_and_restored(tmp_path: Path) -> None:
+    with emulated() as rig:
+        assert {"lvdt-offset", "speed-max"} <= set(rig.config.get())
+        assert rig.config.get("lvdt-offset")["value"] == 0.0
+        assert rig.config.set("lvdt-offset", 1e-4)["before"] == 0.0
+        assert rig.config.backup(tmp_path / "settings.toml")["settings"]["lvdt-offset"] == 1e-4
+        assert rig.config.set("lvdt-offset", "0.2mm")["value"] == 2e-4
+        assert rig.config.restore(tmp_path / "settings.toml")["changed"] == 1
+        assert rig.config.get("lvdt-offset")["value"] == 1e-4
+        for value, kind in ((1.0, "refused"), ("3kg", "bad-request")):
+            with pytest.raises(tsa_rig.RigError, match="lvdt-offset") as error:
+                rig.config.set("lvdt-offset", value)
+            assert error.value.kind == kind
+        with pytest.raises(tsa_rig.ArgumentError, match="speed-max"):
+            rig.config.get("speed")
+        with pytest.raises(FileNotFoundError):
+            rig.config.restore(tmp_path / "none.toml")
+
+
+def test_it_calibrates_jogs_sweeps_and_says_its_status(tmp_path: Path) -> None:
+    with emulated() as rig:
+        status = rig.status()
+        assert status["rig"] == "nominal" and status["scene_matches"] and status["telemetry"]["state"] == "unhomed"
+        read = rig.calibrate("lvdt")
+        assert read["gap_m"] == pytest.approx(read["true_gap_m"], abs=1e-3)
+        assert abs(rig.calibrate("lvdt", gap_m=read["true_gap_m"])["error_after_m"]) < 5e-6
+        for arguments in ({"point": (0.09, 0.09)}, {"gap_m": 0.09, "points": "x.csv"}):
+            with pytest.raises(tsa_rig.ArgumentError, match="point"):
+                rig.calibrate("lvdt", **arguments)
+        before = rig.telemetry()["true_twist_rad"][-1]
+        rig.jog(1.0, 0.5)
+        assert rig.latest()["true_twist_rad"] == pytest.approx(before + 0.5, abs=0.15)
+        with pytest.raises(tsa_rig.ArgumentError, match="seconds"):
+            rig.jog(1.0, -1.0)
+        with pytest.raises(tsa_rig.OperationError, match="load_n 500 N"):
+            rig.sweep(500.0, tmp_path / "sweep.csv")
+        swept = rig.sweep(6.0, tmp_path / "sweep.csv", turns=1.0, speed_rad_per_s=3.0)
+        assert swept["load_n"] == 6.0 and swept["contraction_m"] > 0.0 and rig.latest()["true_load_n"] == 6.0
+        assert len(tsa_rig.read_log(tmp_path / "sweep.csv")["t_s"]) == swept["rows"]
+        rig.move(0.004)
+        zero = rig.calibrate("zero")
+        assert zero["position_before_m"] == pytest.approx(0.004, abs=2e-4) and abs(zero["position_m"]) < 5e-5
+
+
+def test_a_board_gets_the_table_of_another_scene(tmp_path: Path) -> None:
+    other = tmp_path / "other.toml"
+    other.write_text(SCENE.read_text().replace("rod_radius_m = 0.0005", "rod_radius_m = 0.00051"))
+    assert other.read_text() != SCENE.read_text()
+    with emulated() as rig:
+        rig.home()
+        before = rig.status()
+        made = rig.make_table(other)
+        after = rig.status()
+        assert before["scene_matches"] and made["kept"] and made["bytes"] == after["table"]["bytes"]
+        assert after["scene_matches"] and after["scene_hash"] == made["scene_hash"] != before["scene_hash"]
+        with pytest.raises(tsa_rig.OperationError, match=r"home\(\)"):
+            rig.move(0.004)
+        with pytest.raises(FileNotFoundError):
+            rig.make_table(tmp_path / "none.toml")
+    # An emulated board has the table of its scene from the start.
+    with tsa_rig.Rig("sim", scene=other, plant={"load": "0.5kg"}, programs=PROGRAMS) as rig:
+        assert rig.status()["scene_hash"] == made["scene_hash"]
+    with tsa_rig.Rig("sim", scene=other, programs=PROGRAMS, check_scene=False) as rig:
+        assert not rig.status()["scene_matches"] and rig.make_table()["scene_hash"] == made["scene_hash"]

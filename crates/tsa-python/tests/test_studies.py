@@ -100,7 +100,7 @@ def test_bad_input_is_named(client: Client, tmp_path: Path) -> None:
         studies.bootstrap([SCENE], SCENE, resamples=1, client=client, folder=tmp_path)
     with pytest.raises(ValueError, match="empty"):
         studies.seeds(SCENE, [], 0.01, client=client, folder=tmp_path, programs=PROGRAMS)
-    with pytest.raises(RuntimeError, match="not built"):
+    with pytest.raises(FileNotFoundError, match="rig-emulator"):
         studies.seeds(SCENE, [1], 0.01, client=client, folder=tmp_path, programs=tmp_path)
 
 

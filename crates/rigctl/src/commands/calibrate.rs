@@ -9,6 +9,7 @@ use crate::output::{Output, decimal};
 use crate::session::{Session, Wanted, homing};
 use crate::units::{MM, NUMBER};
 use clap::Subcommand;
+use rig_config::RigConfig;
 use rig_link::{LoadChoice, LvdtCurve, Request, Setting, SettingValues};
 use serde_json::json;
 use std::path::PathBuf;
@@ -49,19 +50,49 @@ pub enum Calibrate {
 /// # Errors
 /// The board's refusal in words, or points that make no calibration.
 pub fn run(global: &Global, what: &Calibrate, output: &mut Output) -> Result<(), Failure> {
+    let scene = global.scene()?;
+    if let Calibrate::Lvdt { points: Some(file), gauge_error, .. } = what {
+        // Before a board is asked: a file that is no calibration.
+        lvdt_points::load(file, &scene.rig, *gauge_error)?;
+    }
+    let mut session = global.target()?.connect(Wanted::OfScene)?;
+    session.wait_started()?;
+    if matches!(what, Calibrate::Zero) && global.is_emulated() {
+        crate::output::say!("the emulated board starts afresh and is not homed: homing first");
+        output.line(homing::home(&mut session, LoadChoice::Auto, |_| {})?.text())?;
+    }
+    of(&mut session, &scene.rig, what, global.flash_lasts(), output)
+}
+
+/// The same in a session that has begun; `lasts`: the board's flash outlives it.
+///
+/// # Errors
+/// As [`run`].
+pub fn of(
+    session: &mut Session,
+    rig: &RigConfig,
+    what: &Calibrate,
+    lasts: bool,
+    output: &mut Output,
+) -> Result<(), Failure> {
     match what {
         Calibrate::Lvdt { points: Some(file), gauge_error, .. } => {
-            let curve = lvdt_points::load(file, &global.scene()?.rig, *gauge_error)?;
-            points(global, Some(curve), output)
+            let curve = lvdt_points::load(file, rig, *gauge_error)?;
+            points(session, Some(curve), lasts, output)
         }
-        Calibrate::Lvdt { no_points: true, .. } => points(global, None, output),
-        Calibrate::Lvdt { gap, point, .. } => lvdt(global, *gap, *point, output),
-        Calibrate::Zero => zero(global, output),
+        Calibrate::Lvdt { no_points: true, .. } => points(session, None, lasts, output),
+        Calibrate::Lvdt { gap, point, .. } => lvdt(session, *gap, *point, lasts, output),
+        Calibrate::Zero => zero(session, output),
     }
 }
 
-fn lvdt(global: &Global, gap: Option<f64>, other: Option<Point>, output: &mut Output) -> Result<(), Failure> {
-    let mut session = started(global)?;
+fn lvdt(
+    session: &mut Session,
+    gap: Option<f64>,
+    other: Option<Point>,
+    lasts: bool,
+    output: &mut Output,
+) -> Result<(), Failure> {
     let values = session.settings()?.values;
     let shown_m = session.gap_m()?;
     let sensor_m = uncalibrated(shown_m, &values);
@@ -112,12 +143,11 @@ fn lvdt(global: &Global, gap: Option<f64>, other: Option<Point>, output: &mut Ou
             MM.number(sensor_m, GAP_M)
         ))?;
     }
-    next_steps(&session, global, unhomed, output)
+    next_steps(session, lasts, unhomed, output)
 }
 
 /// Stores points, or forgets them.
-fn points(global: &Global, curve: Option<LvdtCurve>, output: &mut Output) -> Result<(), Failure> {
-    let mut session = started(global)?;
+fn points(session: &mut Session, curve: Option<LvdtCurve>, lasts: bool, output: &mut Output) -> Result<(), Failure> {
     let mut values = session.settings()?.values;
     if curve.is_some() {
         values = values.with(Setting::LvdtOffset, 0.0).with(Setting::LvdtGain, 1.0);
@@ -144,7 +174,7 @@ fn points(global: &Global, curve: Option<LvdtCurve>, output: &mut Output) -> Res
         shown(before_m),
         shown(after_m)
     ))?;
-    next_steps(&session, global, unhomed, output)
+    next_steps(session, lasts, unhomed, output)
 }
 
 /// A gap for people, as far as the sensor resolves it.
@@ -152,14 +182,8 @@ fn shown(gap_m: f64) -> String {
     MM.rounded(gap_m, GAP_M)
 }
 
-fn started(global: &Global) -> Result<Session, Failure> {
-    let mut session = global.target()?.connect(Wanted::OfScene)?;
-    session.wait_started()?;
-    Ok(session)
-}
-
-fn next_steps(session: &Session, global: &Global, unhomed: bool, output: &mut Output) -> Result<(), Failure> {
-    let next = board_settings::next_steps(session, global.flash_lasts(), unhomed);
+fn next_steps(session: &Session, lasts: bool, unhomed: bool, output: &mut Output) -> Result<(), Failure> {
+    let next = board_settings::next_steps(session, lasts, unhomed);
     Ok(next.iter().try_for_each(|line| output.line(line))?)
 }
 
@@ -173,18 +197,13 @@ fn position(session: &mut Session) -> Result<f64, Failure> {
     Ok(positions.iter().sum::<f64>() / positions.len() as f64)
 }
 
-fn zero(global: &Global, output: &mut Output) -> Result<(), Failure> {
-    let mut session = global.target()?.connect(Wanted::OfScene)?;
+fn zero(session: &mut Session, output: &mut Output) -> Result<(), Failure> {
     session.wait_ready()?;
-    if global.is_emulated() {
-        crate::output::say!("the emulated board starts afresh and is not homed: homing first");
-        output.line(homing::home(&mut session, LoadChoice::Auto, |_| {})?.text())?;
-    }
-    let before_m = position(&mut session)?;
+    let before_m = position(session)?;
     let old_m = f64::from(session.settings()?.values.get(Setting::PositionZero));
     let value = (old_m + before_m) as f32;
     session.set(&Request::SetSetting { setting: Setting::PositionZero, value })?;
-    let after_m = position(&mut session)?;
+    let after_m = position(session)?;
     output.object(&json!({"position_before_m": before_m, "position_m": after_m, "position_zero_m": decimal(value),
         "kept": true}))?;
     output.line(format!(

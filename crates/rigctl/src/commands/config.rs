@@ -58,11 +58,30 @@ pub enum Config {
 /// # Errors
 /// The board's refusal in words, or what is wrong with the value or the file.
 pub fn run(global: &Global, what: &Config, output: &mut Output) -> Result<(), Failure> {
+    // Before a board is asked: a value that the setting cannot have, or a file that cannot be read.
     match what {
-        Config::Get { name } => get(&mut global.target()?.connect(Wanted::Any)?, *name, output),
-        Config::Set { name, value } => set(global, *name, value, output),
-        Config::Backup { file } => backup(&mut global.target()?.connect(Wanted::Any)?, file, output),
-        Config::Restore { file, force } => restore(global, file, *force, output),
+        Config::Set { name, value } => drop(typed(*name, value)?),
+        Config::Restore { file, .. } => readable(file)?,
+        Config::Get { .. } | Config::Backup { .. } => {}
+    }
+    let changes = matches!(what, Config::Set { .. } | Config::Restore { .. });
+    let mut session = global.target()?.connect(if changes { Wanted::OfScene } else { Wanted::Any })?;
+    if changes {
+        session.wait_started()?;
+    }
+    of(&mut session, what, global.flash_lasts(), output)
+}
+
+/// The same in a session that has begun; `lasts`: the board's flash outlives it.
+///
+/// # Errors
+/// As [`run`].
+pub fn of(session: &mut Session, what: &Config, lasts: bool, output: &mut Output) -> Result<(), Failure> {
+    match what {
+        Config::Get { name } => get(session, *name, output),
+        Config::Set { name, value } => set(session, *name, value, lasts, output),
+        Config::Backup { file } => backup(session, file, output),
+        Config::Restore { file, force } => restore(session, file, *force, lasts, output),
     }
 }
 
@@ -81,15 +100,16 @@ fn get(session: &mut Session, name: Option<Setting>, output: &mut Output) -> Res
     Ok(())
 }
 
-fn set(global: &Global, setting: Setting, text: &str, output: &mut Output) -> Result<(), Failure> {
+/// The value that is set; `None` is the learned one.
+fn typed(setting: Setting, text: &str) -> Result<Option<f32>, Failure> {
     let learned = setting == Setting::TwistScale && text == LEARNED;
-    // Before a board is asked: a value that the setting cannot have is wrong usage.
     let typed = if learned { None } else { Some(board_settings::value(setting, text)) };
-    let typed = typed.transpose().map_err(|e| Failure::Usage(e.to_string()))?;
-    let mut session = global.target()?.connect(Wanted::OfScene)?;
-    session.wait_started()?;
+    typed.transpose().map_err(|e| Failure::Usage(e.to_string()))
+}
+
+fn set(session: &mut Session, setting: Setting, text: &str, lasts: bool, output: &mut Output) -> Result<(), Failure> {
     let before = session.settings()?.values.get(setting);
-    let value = match typed {
+    let value = match typed(setting, text)? {
         Some(value) => value,
         None => session
             .telemetry()
@@ -101,7 +121,7 @@ fn set(global: &Global, setting: Setting, text: &str, output: &mut Output) -> Re
         "before": decimal(before),
         "kept": true, "unhomed": unhomed}))?;
     output.line(format!("{setting}: {} -> {}, kept in flash", setting.show(before), setting.show(value)))?;
-    let next = board_settings::next_steps(&session, global.flash_lasts(), unhomed);
+    let next = board_settings::next_steps(session, lasts, unhomed);
     Ok(next.iter().try_for_each(|line| output.line(line))?)
 }
 
@@ -117,11 +137,12 @@ fn backup(session: &mut Session, file: &Path, output: &mut Output) -> Result<(),
     Ok(())
 }
 
-fn restore(global: &Global, file: &Path, force: bool, output: &mut Output) -> Result<(), Failure> {
-    // Before a board is asked: a file that cannot be read.
-    rig_config::files::check_regular(file).map_err(|e| Failure::failed(format!("{}: {e}", file.display())))?;
-    let mut session = global.target()?.connect(Wanted::OfScene)?;
-    session.wait_started()?;
+fn readable(file: &Path) -> Result<(), Failure> {
+    rig_config::files::check_regular(file).map_err(|e| Failure::failed(format!("{}: {e}", file.display())))
+}
+
+fn restore(session: &mut Session, file: &Path, force: bool, lasts: bool, output: &mut Output) -> Result<(), Failure> {
+    readable(file)?;
     let report = session.settings()?;
     let rig_hash = session.identity().map_or(0, |id| id.rig_hash);
     let (values, dropped) = backup::load(file, &report.defaults)?.for_board(rig_hash, &report, file, force)?;
@@ -143,7 +164,7 @@ fn restore(global: &Global, file: &Path, force: bool, output: &mut Output) -> Re
         let (before, after) = (words(&report.values.lvdt_curve), words(&values.lvdt_curve));
         output.line(format!("{}: {before} -> {after}", lvdt_points::NAME))?;
     }
-    let next = board_settings::next_steps(&session, global.flash_lasts(), unhomed);
+    let next = board_settings::next_steps(session, lasts, unhomed);
     next.iter().try_for_each(|line| output.line(line))?;
     // After the rest has been restored: a script must not go on with a calibration that is missing.
     backup::require_all(&dropped, file)

@@ -7,7 +7,7 @@ use crate::lvdt_points::GAP_M;
 use crate::options::Global;
 use crate::options::values::seconds;
 use crate::output::{Output, at, decimal};
-use crate::session::Wanted;
+use crate::session::{Session, Target, Wanted};
 use crate::units::{HZ, MM, RAD, S, UM, Unit, V};
 use clap::Args;
 use serde_json::{Value, json};
@@ -27,6 +27,15 @@ pub fn run(global: &Global, output: &mut Output) -> Result<(), Failure> {
     if global.is_emulated() {
         session.wait_started()?;
     }
+    of(&mut session, &target, output)?;
+    target.check_scene(&session)
+}
+
+/// The same in a session that has begun.
+///
+/// # Errors
+/// If nobody answers.
+pub fn of(session: &mut Session, target: &Target, output: &mut Output) -> Result<(), Failure> {
     session.take_rows();
     session.until(LISTEN_S, |_| false)?;
     let mut rows = session.take_rows();
@@ -35,14 +44,13 @@ pub fn run(global: &Global, output: &mut Output) -> Result<(), Failure> {
     let id = session.require_identity()?.clone();
     let (settings, sensors) = (session.settings()?, session.sensors()?);
     let (counters, faults) = session.telemetry().map(|t| (t.counters, t.faults)).unwrap_or_default();
-    let same_scene = target.check_scene(&session);
     let (lost, damaged) = (session.link.lost_frames(), session.link.damaged_frames());
     output.object(&json!({
         "rig": target.rig(),
         "firmware": id.version.as_str(),
         "git": id.git.as_str(),
         "scene_hash": format!("{:08x}", id.scene_hash),
-        "scene_matches": same_scene.is_ok(),
+        "scene_matches": target.check_scene(session).is_ok(),
         "protocol_hash": format!("{:08x}", id.protocol_hash),
         "reset_cause": id.reset_cause.name(),
         "boot_count": id.boot_count,
@@ -103,7 +111,7 @@ pub fn run(global: &Global, output: &mut Output) -> Result<(), Failure> {
     for fault in faults.iter() {
         output.line(format!("fault    {fault}: docs/reference/faults.md, `{fault}`"))?;
     }
-    same_scene
+    Ok(())
 }
 
 /// Print the raw readings, homed or not: gap, encoder, drive, supply, contacts

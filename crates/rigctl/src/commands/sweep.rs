@@ -6,7 +6,7 @@ use crate::options::Global;
 use crate::options::values::{load, turns, twist_speed};
 use crate::out_file::OutFile;
 use crate::output::Output;
-use crate::session::{Place, STEP_S, Session, Wanted, homing, motion};
+use crate::session::{Place, STEP_S, Session, Target, Wanted, homing, motion};
 use crate::units::{MM, N, RAD_PER_S, TURNS, TURNS_OF_RAD, UM};
 use clap::Args;
 use rig_control::hysteresis::MEMORY_COMPLETE_N;
@@ -51,14 +51,8 @@ pub struct Sweep {
 /// # Errors
 /// If a parameter is out of range, the file cannot be written, or the board refuses or stops.
 pub fn run(global: &Global, options: &Sweep, output: &mut Output) -> Result<(), Failure> {
-    let (load_n, turns, speed) = (options.load, options.turns, options.speed);
-    let max = f64::from(JOG_SPEED_MAX);
-    if !(speed > 0.0 && speed <= max) {
-        return Err(Failure::failed(format!(
-            "--speed {}: must be above 0 and at most {max} rad/s",
-            RAD_PER_S.exact(speed)
-        )));
-    }
+    check_speed(options.speed)?;
+    let load_n = options.load;
     let mut target = global.target()?;
     let min_n = load_n + f64::from(MEMORY_COMPLETE_N);
     if let Some(after_n) = options.after.filter(|after_n| *after_n < min_n) {
@@ -67,7 +61,6 @@ pub fn run(global: &Global, options: &Sweep, output: &mut Output) -> Result<(), 
         return Err(Failure::failed(format!("--after {after}: {why}")));
     }
     // On an emulated rig this load is hung, unless --plant names another.
-    let hangs = |load_n| PlantChange { key: PlantKey::Load, value: load_n };
     let mut takes_off = false;
     if let Place::Emulated(emulated) = &mut target.place
         && !emulated.plant.iter().any(|s| s.key == PlantKey::Load)
@@ -77,6 +70,35 @@ pub fn run(global: &Global, options: &Sweep, output: &mut Output) -> Result<(), 
     }
     let out = OutFile::new(&options.out)?;
     let mut session = target.connect(Wanted::OfScene)?;
+    of(&mut session, &target, options, out, takes_off, output)
+}
+
+fn hangs(load_n: f64) -> PlantChange {
+    PlantChange { key: PlantKey::Load, value: load_n }
+}
+
+fn check_speed(speed: f64) -> Result<(), Failure> {
+    let max = f64::from(JOG_SPEED_MAX);
+    if speed > 0.0 && speed <= max {
+        return Ok(());
+    }
+    Err(Failure::failed(format!("--speed {}: must be above 0 and at most {max} rad/s", RAD_PER_S.exact(speed))))
+}
+
+/// The same in a session that has begun, with the load on the rail; on an emulated rig `takes_off` the heavier one first.
+///
+/// # Errors
+/// As [`run`].
+pub fn of(
+    session: &mut Session,
+    target: &Target,
+    options: &Sweep,
+    out: OutFile,
+    takes_off: bool,
+    output: &mut Output,
+) -> Result<(), Failure> {
+    check_speed(options.speed)?;
+    let (load_n, turns, speed) = (options.load, options.turns, options.speed);
     let table = session.require_identity()?.table.clone();
     for (name, value, unit, [min, max]) in [
         ("--load", load_n, N, [table.load_min_n, table.load_max_n]),
@@ -100,14 +122,14 @@ pub fn run(global: &Global, options: &Sweep, output: &mut Output) -> Result<(), 
         }
         session.until(CARRIED_S, |_| false)?;
     }
-    let mut head = Header::new(&target, &session, "sweep")?;
+    let mut head = Header::new(target, session, "sweep")?;
     head.add("sweep.load_n", load_n);
     if let Some(after_n) = options.after {
         head.add("sweep.after_n", after_n);
     }
     head.add("sweep.turns", turns);
     head.add("sweep.speed_rad_per_s", speed);
-    let rows = record(&mut session, out.begin()?, &head, options)?;
+    let rows = record(session, out.begin()?, &head, options)?;
     let log = Log::load(&options.out).map_err(|e| Failure::failed(format!("{}: {e}", options.out.display())))?;
     let reduced::Sweep { stops, .. } =
         reduced::reduce(&log).map_err(|e| Failure::failed(format!("{}: {e}", options.out.display())))?;

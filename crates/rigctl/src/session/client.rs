@@ -12,6 +12,8 @@ use rig_link::{
 };
 use rig_plant::Run;
 use std::collections::VecDeque;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{self, Receiver, Sender};
 
 /// What this tool greets with.
@@ -60,6 +62,7 @@ pub struct Session {
     /// Why the last homing failed, until the next one begins.
     homing_failure: Option<HomingFailure>,
     watchers: Vec<Sender<Entry>>,
+    interrupt: Arc<AtomicBool>,
 }
 
 impl Session {
@@ -85,7 +88,13 @@ impl Session {
             sensors: None,
             homing_failure: None,
             watchers: Vec::new(),
+            interrupt: Arc::default(),
         }
+    }
+
+    /// Setting it stops what goes on in this session, as Ctrl-C does in all: for another thread of a program.
+    pub fn interrupt(&self) -> Arc<AtomicBool> {
+        self.interrupt.clone()
     }
 
     /// Time on the port's clock (s).
@@ -206,7 +215,7 @@ impl Session {
     /// # Errors
     /// If the port fails, or the emulated board stopped; [`BrokenOff`] if the operator interrupts or the board falls silent.
     pub fn step(&mut self) -> Result<(), Failure> {
-        let why = if interrupt::wanted() {
+        let why = if interrupt::wanted() || self.interrupt.swap(false, Ordering::Relaxed) {
             Why::Interrupted
         } else {
             self.exchange()?;
@@ -339,8 +348,8 @@ impl Session {
         self.until(wait_s, |s| s.reply_to(number).is_some())?;
         match self.reply_to(number).and_then(|place| self.replies.remove(place)) {
             Some((_, Ok(accepted))) => Ok(accepted),
-            Some((_, Err(refusal))) => Err(Failure::failed(format!("refused: {refusal}"))),
-            None => Err(Failure::failed(format!("no reply from the board within {wait_s} s"))),
+            Some((_, Err(refusal))) => Err(Failure::of_kind("refused", format!("refused: {refusal}"))),
+            None => Err(Failure::of_kind("no-reply", format!("no reply from the board within {wait_s} s"))),
         }
     }
 
@@ -508,8 +517,8 @@ impl Session {
     pub fn wait_ready(&mut self) -> Result<(), Failure> {
         self.wait_started()?;
         match (self.state(), self.last.and_then(|t| t.fault)) {
-            (State::Fault, Some(fault)) => Err(Failure::failed(format!("the board is in fault: {fault}"))),
-            (State::EStop, _) => Err(Failure::failed("the emergency stop is pressed")),
+            (State::Fault, Some(fault)) => Err(Failure::of_kind("fault", format!("the board is in fault: {fault}"))),
+            (State::EStop, _) => Err(Failure::of_kind("estop", "the emergency stop is pressed")),
             _ => Ok(()),
         }
     }

@@ -57,11 +57,11 @@ impl Cut {
     /// The failure of a command; `when` is part of the message.
     pub fn failure(self, when: &str) -> Failure {
         match self {
-            Self::Stopped => Failure::failed("stopped before the target"),
+            Self::Stopped => Failure::of_kind(self.kind(), "stopped before the target"),
             Self::Homing(failure) => HomingFailed(failure).into(),
-            Self::Stream(_) => Failure::failed(self.to_string()),
-            Self::Fault(fault) => Failure::failed(format!("fault {fault} {when}")),
-            Self::EStop => Failure::failed(format!("emergency stop {when}")),
+            Self::Stream(_) => Failure::of_kind(self.kind(), self.to_string()),
+            Self::Fault(fault) => Failure::of_kind(self.kind(), format!("fault {fault} {when}")),
+            Self::EStop => Failure::of_kind(self.kind(), format!("emergency stop {when}")),
         }
     }
 }

@@ -80,7 +80,7 @@ pub fn track(
         }
         bar.set_position((1000.0 * t_s / trajectory.duration_s().max(1e-9)) as u64);
         for (_, reply) in session.take_replies() {
-            reply.map_err(|refusal| Failure::failed(format!("refused: {refusal}")))?;
+            reply.map_err(|refusal| Failure::of_kind("refused", format!("refused: {refusal}")))?;
         }
         ended(session, &rest, "on the way")?;
     }

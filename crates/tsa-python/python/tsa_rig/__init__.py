@@ -6,12 +6,36 @@
 >>> solved.contraction_m.shape
 (3,)
 
-All quantities are in SI units unless their name says otherwise; turns count past the half-turn pre-twist.
+All quantities are in SI units unless their name says otherwise; turns count past the half-turn pre-twist. Whatever is
+refused or fails raises a `RigError`, with a `kind` for programs.
 """
 
+from importlib.metadata import version
+
+from ._errors import ArgumentError, MissingFileError, OperationError, RigError, SceneError
 from ._log import read_log
 from ._model import Equilibria, Looked, Mechanism, Scene, Table
-from ._rig import Rig
+from ._rig import Config, Motion, Rig
 from ._tools import budget, identify, published
 
-__all__ = ["Equilibria", "Looked", "Mechanism", "Rig", "Scene", "Table", "budget", "identify", "published", "read_log"]
+__version__ = version("tsa-rig")
+
+__all__ = [
+    "ArgumentError",
+    "Config",
+    "Equilibria",
+    "Looked",
+    "Mechanism",
+    "MissingFileError",
+    "Motion",
+    "OperationError",
+    "Rig",
+    "RigError",
+    "Scene",
+    "SceneError",
+    "Table",
+    "budget",
+    "identify",
+    "published",
+    "read_log",
+]

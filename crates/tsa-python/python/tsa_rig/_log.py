@@ -6,6 +6,8 @@ from os import PathLike
 import numpy as np
 from numpy.typing import NDArray
 
+from ._errors import of_kind, wrong
+
 FORMAT = "# format = tsa-log"
 END = "# end rows = "
 WORDS = frozenset({"state", "fault", "faults", "limit", "doubts", "homing_failure"})
@@ -17,16 +19,19 @@ def read_log(path: str | PathLike[str]) -> dict[str, NDArray[np.float64] | NDArr
     Numbers are float64, NaN where a value is not known; words are str, None where there is none.
     `pandas.DataFrame(read_log(path))` is the table, and its `to_parquet` writes Parquet.
 
-    Raises ValueError if the file is no log, or was cut short.
+    Raises ArgumentError if the file is no log, or was cut short, and MissingFileError if it is not there.
     """
-    with open(path, encoding="utf-8", newline="") as stream:
-        lines = stream.read().splitlines()
+    try:
+        with open(path, encoding="utf-8", newline="") as stream:
+            lines = stream.read().splitlines()
+    except FileNotFoundError:
+        raise of_kind("no-file", f"{path}: there is no such log") from None
     if not lines or not lines[0].startswith(FORMAT):
-        raise ValueError(f"{path}: not a log of this tool: its first line is no `{FORMAT} …`")
+        raise wrong(f"{path}: not a log of this tool: its first line is no `{FORMAT} …`")
     names, *rows = csv.reader(line for line in lines if line and not line.startswith("#")) or [[]]
     ends = [line.removeprefix(END) for line in lines if line.startswith(END)]
     if ends != [str(len(rows))] or any(len(row) != len(names) for row in rows):
-        raise ValueError(f"{path}: cut short after {len(rows)} rows")
+        raise wrong(f"{path}: cut short after {len(rows)} rows")
     columns = zip(*rows, strict=True) if rows else [()] * len(names)
     return {
         name: np.array([cell or None for cell in cells], dtype=np.object_)

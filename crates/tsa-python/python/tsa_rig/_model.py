@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from os import PathLike
 from typing import Any
 
@@ -12,21 +12,35 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _core
+from ._errors import SceneError, wrong
+from ._places import scene as _scene
 
 Array = NDArray[np.float64]
 
 
+def numbers(name: str, values: ArrayLike) -> Array:
+    """An array of numbers; raises ArgumentError, naming it, for anything else."""
+    try:
+        return np.asarray(values, dtype=float)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise wrong(f"{name}: {error}") from None
+
+
 def _columns(
-    solve: Callable[[Array, Array], _core.Columns], load_n: ArrayLike, turns: ArrayLike
+    solve: Callable[[Array, Array], _core.Columns], first: tuple[str, ArrayLike], second: tuple[str, ArrayLike]
 ) -> tuple[Array, Array, list[Array], NDArray[np.str_]]:
-    """Loads and turns broadcast against each other, the columns of their answers, and the errors, all of one shape."""
-    loads, all_turns = np.broadcast_arrays(np.asarray(load_n, dtype=float), np.asarray(turns, dtype=float))
-    flat = [np.ascontiguousarray(a.ravel()) for a in (loads, all_turns)]
-    rows, refused = solve(*flat)
+    """Two named arguments broadcast, the columns of their answers, and the errors, all of one shape."""
+    given = [numbers(*first), numbers(*second)]
+    try:
+        ones, others = np.broadcast_arrays(*given)
+    except ValueError:
+        shapes = " and ".join(f"{name} of shape {array.shape}" for (name, _), array in zip((first, second), given))
+        raise wrong(f"{shapes} do not broadcast against each other") from None
+    rows, refused = solve(*(np.ascontiguousarray(a.ravel()) for a in (ones, others)))
     why = dict(refused)
-    error = np.array([why.get(k, "") for k in range(loads.size)], dtype=np.str_) if why else np.full(loads.size, "")
-    shape = loads.shape
-    return loads.copy(), all_turns.copy(), [row.reshape(shape) for row in rows], error.reshape(shape)
+    error = np.array([why.get(k, "") for k in range(ones.size)], dtype=np.str_) if why else np.full(ones.size, "")
+    shape = ones.shape
+    return ones.copy(), others.copy(), [row.reshape(shape) for row in rows], error.reshape(shape)
 
 
 @dataclass(frozen=True)
@@ -67,7 +81,13 @@ class Equilibria:
     dgap_dload_m_per_n: Array
     """Derivative of the gap by the load at constant twist (m/N)."""
     torque_nm: Array
-    """Ideal motor torque by the paper's relation (N m)."""
+    """Torque of the strings towards zero twist (N m), without friction.
+
+    It is the conservative one, T = −∂/∂θ ∫₀ᶠ G dF with the gap G, twist θ and load F, so that what the motor gives the
+    load takes. The paper's relation, which does not conserve energy, differs from it (docs/explanation/model.md,
+    section 4). NaN also where a lighter load has no equilibrium at this twist, beyond about 6.4 turns in the default
+    scene: the integral has no beginning there.
+    """
     error: NDArray[np.str_]
     """Why a state was refused; empty where it was not."""
 
@@ -106,10 +126,35 @@ class Mechanism:
     def solve(self, load_n: ArrayLike, turns: ArrayLike) -> Equilibria:
         """Equilibria at loads (N) and turns past the half-turn pre-twist, which broadcast against each other.
 
-        Raises ValueError if they do not broadcast. A state that the model refuses is NaN, with its reason in `error`.
+        Raises ArgumentError if they do not broadcast. A state that the model refuses is NaN, with its reason in
+        `error`.
         """
-        loads, all_turns, columns, error = _columns(self._core.solve, load_n, turns)
+        loads, all_turns, columns, error = _columns(self._core.solve, ("load_n", load_n), ("turns", turns))
         return Equilibria(**dict(zip(_SOLVED, columns)), load_n=loads, turns=all_turns, error=error)
+
+    def force(self, gap_m: ArrayLike, turns: ArrayLike) -> Equilibria:
+        """Which load holds a gap (m) at turns past the half-turn pre-twist? Arrays that broadcast.
+
+        The answer is the whole equilibrium: `load_n` is the load (N), and `1 / dgap_dload_m_per_n` the stiffness (N/m).
+        Where no load holds the gap, `load_n` and the other numbers are NaN, and `error` has the reason. Raises
+        ArgumentError if the arrays do not broadcast.
+        """
+        _, all_turns, (loads,), error = _columns(self._core.force, ("gap_m", gap_m), ("turns", turns))
+        return self._held(loads, all_turns, error)
+
+    def twist(self, load_n: ArrayLike, gap_m: ArrayLike) -> Equilibria:
+        """Which twist holds a gap (m) under a load (N)? Arrays that broadcast.
+
+        The answer is the whole equilibrium, from zero twist (half a turn before the pre-twist) up: `turns` are past the
+        half-turn pre-twist. Where no twist holds the gap, `turns` and the other numbers are NaN, and `error` has the
+        reason. Raises ArgumentError if the arrays do not broadcast.
+        """
+        loads, _, (all_turns,), error = _columns(self._core.twist, ("load_n", load_n), ("gap_m", gap_m))
+        return self._held(loads, all_turns, error)
+
+    def _held(self, load_n: Array, turns: Array, error: NDArray[np.str_]) -> Equilibria:
+        solved = self.solve(load_n, turns)
+        return replace(solved, error=np.where(error != "", error, solved.error))
 
 
 class Table:
@@ -135,7 +180,7 @@ class Table:
 
     def lookup(self, load_n: ArrayLike, turns: ArrayLike) -> Looked:
         """What the board answers at loads (N) and turns past the half-turn pre-twist, which broadcast."""
-        loads, all_turns, columns, error = _columns(self._core.lookup, load_n, turns)
+        loads, all_turns, columns, error = _columns(self._core.lookup, ("load_n", load_n), ("turns", turns))
         return Looked(**dict(zip(_LOOKED_UP, columns)), load_n=loads, turns=all_turns, error=error)
 
 
@@ -146,9 +191,9 @@ def _place(keys: dict[str, Any], name: str) -> tuple[str, str]:
     if len(found) == 1:
         return found[0]
     if found:
-        raise ValueError(f"`{name}` is ambiguous: " + ", ".join(sorted(".".join(place) for place in found)))
+        raise wrong(f"`{name}` is ambiguous: " + ", ".join(sorted(".".join(place) for place in found)))
     known = ", ".join(sorted(".".join(place) for place in constants))
-    raise ValueError(f"a scene has no constant `{name}`; it has {known}")
+    raise wrong(f"a scene has no constant `{name}`; it has {known}")
 
 
 class Scene:
@@ -159,8 +204,12 @@ class Scene:
 
     @classmethod
     def load(cls, path: str | PathLike[str]) -> Scene:
-        """From a scene file (TOML). Raises ValueError, naming the key, if it is not valid."""
-        return cls(_core.Scene.load(path))
+        """From a scene file (TOML): a path, or the name of a scene of this package such as `scenes/default.toml`.
+
+        Raises MissingFileError (a FileNotFoundError) if there is none, and SceneError, naming the key, if it is not
+        valid.
+        """
+        return cls(_core.Scene.load(_scene(path)))
 
     @classmethod
     def parse(cls, text: str) -> Scene:
@@ -169,7 +218,7 @@ class Scene:
 
     @classmethod
     def from_dict(cls, keys: dict[str, Any]) -> Scene:
-        """From all keys, as `as_dict` gives them. Raises ValueError, naming the key, if they are not valid."""
+        """From all keys, as `as_dict` gives them. Raises SceneError, naming the key, if they are not valid."""
         return cls(_core.Scene.from_json(json.dumps(keys)))
 
     def with_constants(self, **values: Any) -> Scene:
@@ -177,7 +226,8 @@ class Scene:
 
         A key of a section can be given with it too: `**{"rig.gear_ratio": [30, 1]}`. The measured correction of a scene
         belongs to the constants that it was measured with, and is left out if one of `geometry`, `string` or `material`
-        changes. Raises ValueError, naming the constant, for an unknown name or a value that no rig can have.
+        changes. Raises ArgumentError for an unknown name, and SceneError for a value that no rig can have; both name
+        it.
         """
         keys = self.as_dict()
         for name, value in values.items():
@@ -187,16 +237,16 @@ class Scene:
                 keys.pop("correction", None)
         try:
             return Scene.from_dict(keys)
-        except ValueError as error:
+        except SceneError as error:
             given = ", ".join(f"{name} = {value}" for name, value in values.items())
-            raise ValueError(f"the scene with {given}: {error}") from None
+            raise SceneError(f"the scene with {given}: {error}", error.kind) from None
 
     def mechanism(self) -> Mechanism:
         """The mechanism with the scene's constants."""
         return Mechanism(self._core)
 
     def table(self) -> Table:
-        """The table for the scene's envelope and accuracy. Raises ValueError if none reaches them."""
+        """The table for the scene's envelope and accuracy. Raises SceneError if none reaches them."""
         return Table(self._core.table())
 
     def as_dict(self) -> dict[str, Any]:

@@ -3,54 +3,50 @@
 from __future__ import annotations
 
 import json
-import pathlib
 import subprocess
 from collections.abc import Sequence
-from os import PathLike, fspath
+from os import fspath
 from typing import Any
 
 from . import _core
-from ._rig import _programs
-
-Path = str | PathLike[str]
+from ._errors import of_kind
+from ._places import FilePath, program
+from ._places import scene as _scene
 
 
 def _objects(arguments: list[str]) -> list[dict[str, Any]]:
     return [json.loads(line) for line in _core.tool(arguments).splitlines()]
 
 
-def _laboratory(scene: Path, arguments: list[str]) -> list[dict[str, Any]]:
-    programs = _programs(pathlib.Path(scene))
-    if programs is None or not (programs / "tsa-lab").exists():
-        raise RuntimeError("tsa-lab is not built: run `cargo xtask build` in the checkout that holds the scene")
-    words = [fspath(programs / "tsa-lab"), "--json", "--scene", fspath(scene), *arguments]
+def _laboratory(scene: FilePath, arguments: list[str]) -> list[dict[str, Any]]:
+    found = _scene(scene)
+    words = [fspath(program("tsa-lab", found)), "--json", "--scene", fspath(found), *arguments]
     done = subprocess.run(words, capture_output=True, text=True)
     if done.returncode != 0:
-        error = ValueError if done.returncode == 2 else RuntimeError
-        raise error(done.stderr.strip())
+        raise of_kind("bad-request" if done.returncode == 2 else "failed", done.stderr.strip())
     return [json.loads(line) for line in done.stdout.splitlines()]
 
 
-def published(scene: Path) -> list[dict[str, Any]]:
+def published(scene: FilePath) -> list[dict[str, Any]]:
     """The paper's numbers beside those of a scene's model: one dictionary each."""
     return _laboratory(scene, ["published"])
 
 
 def identify(
-    sweeps: Sequence[Path], scene: Path, out: Path | None = None, law: str | None = None, plan: bool = False
+    sweeps: Sequence[FilePath], scene: FilePath, out: FilePath | None = None, law: str | None = None, plan: bool = False
 ) -> dict[str, Any]:
     """Fits a scene's constants to recorded sweeps, as `rigctl identify` does, and says how far they can be trusted.
 
     `out` is the scene file to write, `law` fixes the radius law, `plan` asks which sweep would tell most. Raises
-    RuntimeError, naming the file, if the sweeps cannot be of one rig.
+    OperationError, naming the file, if the sweeps cannot be of one rig.
     """
-    arguments = ["--scene", fspath(scene), "identify"]
+    arguments = ["--scene", fspath(_scene(scene)), "identify"]
     arguments += ["--out", fspath(out)] if out is not None else []
     arguments += ["--law", law] if law is not None else []
     arguments += ["--next"] if plan else []
     return _objects([*arguments, "--", *(fspath(sweep) for sweep in sweeps)])[-1]
 
 
-def budget(scene: Path, rig: str = "nominal") -> list[dict[str, Any]]:
+def budget(scene: FilePath, rig: str = "nominal") -> list[dict[str, Any]]:
     """What sensor, friction, memory, law, tier, table and loop contribute to the errors on a kind of rig."""
     return _laboratory(scene, ["--rig", rig, "budget"])

@@ -29,11 +29,12 @@ from distributed import Client, as_completed
 from numpy.typing import ArrayLike, NDArray
 
 from . import _core
+from ._errors import of_kind, wrong
 from ._model import Equilibria, Scene, _place
-from ._rig import Rig, _programs
+from ._places import FilePath, program
+from ._rig import Rig
 from ._tools import identify
 
-FilePath = str | PathLike[str]
 Task = dict[str, Any]
 """Inputs of a task: plain data that JSON can hold. Its key `contents` is for the hash alone."""
 
@@ -56,7 +57,7 @@ def _kept(file: Path) -> Any:
     try:
         return json.loads(file.read_text())["result"]
     except (ValueError, KeyError, TypeError):
-        raise ValueError(f"{file} is no result of a study: remove it") from None
+        raise wrong(f"{file} is no result of a study: remove it") from None
 
 
 RETRIES = 2
@@ -81,7 +82,7 @@ def _run(
     """
     place = Path(folder)
     if place.exists() and not place.is_dir():
-        raise ValueError(f"{place} is a file, and the results need a folder")
+        raise wrong(f"{place} is a file, and the results need a folder")
     place.mkdir(parents=True, exist_ok=True)
     files = [_file(place, study, task) for task in tasks]
     missing = {file: task for file, task in zip(files, tasks) if not file.exists()}
@@ -115,7 +116,7 @@ def _numbers(name: str, values: ArrayLike) -> list[float]:
     """A list of finite numbers, at least one."""
     array = np.atleast_1d(np.asarray(values, dtype=float))
     if array.ndim != 1 or array.size == 0 or not np.isfinite(array).all():
-        raise ValueError(f"{name} must be a list of finite numbers, and is {values!r}")
+        raise wrong(f"{name} must be a list of finite numbers, and is {values!r}")
     return [float(value) for value in array]
 
 
@@ -142,21 +143,21 @@ def designs(
     - `serves`: whether the travel is reached under every load within the drive's current limit
     - `refused`: why a scene with these constants is none; the other columns are then empty
 
-    Raises ValueError, naming it, for a constant that is unknown, and for an empty list.
+    Raises ArgumentError, naming it, for a constant that is unknown, and for an empty list.
     """
     keys = Scene.load(scene).as_dict()
     loads = _numbers("loads_n", loads_n)
     if min(loads) <= 0.0:
-        raise ValueError(f"loads_n must be above 0, and has {min(loads)}")
+        raise wrong(f"loads_n must be above 0, and has {min(loads)}")
     for name, value in (("travel_m", travel_m), ("turns", turns)):
         if not (np.isfinite(value) and value > 0.0):
-            raise ValueError(f"{name} must be above 0 and finite, and is {value}")
+            raise wrong(f"{name} must be above 0 and finite, and is {value}")
     if not grid:
-        raise ValueError("the grid is empty: it needs at least one constant")
+        raise wrong("the grid is empty: it needs at least one constant")
     for name, values in grid.items():
         _place(keys, name)
         if isinstance(values, str) or not hasattr(values, "__len__") or len(values) == 0:
-            raise ValueError(f"the grid has no list of values for {name}")
+            raise wrong(f"the grid has no list of values for {name}")
     # What a table must cover is another question.
     keys.pop("envelope", None)
     keys.pop("accuracy", None)
@@ -195,10 +196,12 @@ def _design(task: Task) -> dict[str, Any]:
     torque_constant = rig["motor_torque_constant_nm_per_a"]
     reach_m = min((way["contraction_m"][-1] if way["contraction_m"].size else 0.0) for way in ways)
     ratios, speeds, currents = [], [], []
-    for way in ways:
+    for load_n, way in zip(loads, ways):
         if way["contraction_m"].size < 2 or way["contraction_m"][-1] < 0.5 * travel_m:
             continue
-        current_a = np.abs(way["torque_nm"]) / gear / torque_constant
+        # Where lighter loads have no equilibrium there is no torque: it is then what lifts the load.
+        torque_nm = np.where(np.isnan(way["torque_nm"]), load_n / way["tr_rad_per_m"], way["torque_nm"])
+        current_a = np.abs(torque_nm) / gear / torque_constant
         ratio, torque_a = (
             float(np.interp(0.5 * travel_m, way["contraction_m"], values))
             for values in (way["tr_rad_per_m"], current_a)
@@ -261,16 +264,17 @@ def bootstrap(
     the sweeps themselves), `low` and `high` (between which nine of ten resamples lie), `standard_error`, `resamples`
     (that had a fit). The workers must find the sweeps under the same paths.
 
-    Raises ValueError for fewer than two resamples or no sweep, RuntimeError if the sweeps cannot tell the constants.
+    Raises ArgumentError for fewer than two resamples or no sweep, OperationError if the sweeps cannot tell the
+    constants.
     """
     if isinstance(sweeps, (str, PathLike)) or len(sweeps) == 0:
-        raise ValueError("sweeps must be a list of at least one file")
+        raise wrong("sweeps must be a list of at least one file")
     if resamples < 2:
-        raise ValueError(f"resamples must be at least 2, and is {resamples}")
+        raise wrong(f"resamples must be at least 2, and is {resamples}")
     keys = Scene.load(scene).as_dict()
     for sweep in sweeps:
         if not Path(sweep).is_file():
-            raise ValueError(f"sweep {fspath(sweep)} is not a file")
+            raise wrong(f"sweep {fspath(sweep)} is not a file")
     paths = [str(Path(sweep).resolve()) for sweep in sweeps]
     inputs: Task = {
         "scene": str(Path(scene).resolve()),
@@ -282,10 +286,10 @@ def bootstrap(
     tasks: list[Task] = [{**inputs, **chosen, "seed": number} for number in seeds]
     fitted, *drawn = _run("bootstrap", _refit, tasks, client, folder)
     if "refused" in fitted:
-        raise RuntimeError(fitted["refused"])
+        raise of_kind("failed", fitted["refused"])
     drawn = [constants for constants in drawn if "refused" not in constants]
     if len(drawn) < 2:
-        raise RuntimeError("fewer than two resamples have a fit")
+        raise of_kind("failed", "fewer than two resamples have a fit")
     rows = []
     for name, value in fitted.items():
         values = np.array([constants[name] for constants in drawn])
@@ -374,16 +378,15 @@ def seeds(
     - `error_m`: where the board says that the move ended, from its target (m); `true_error_m`: where it did end
     - `refused`: the board's refusal or fault, after which this rig's other columns are empty
 
-    Raises ValueError for an empty list, RuntimeError if the emulator is not built.
+    Raises ArgumentError for an empty list, MissingFileError if the emulator is not built.
     """
     drawn = [int(number) for number in numbers]
     if not drawn:
-        raise ValueError("seeds: the list of numbers is empty")
+        raise wrong("seeds: the list of numbers is empty")
     targets = _numbers("targets_m", targets_m)
-    found = Path(programs) if programs is not None else _programs(Path(scene))
-    if found is None or not (found / "rig-emulator").exists():
-        raise RuntimeError("the emulator is not built: run `cargo xtask build` in the checkout, or give `programs`")
-    images = [found / "rig-emulator", found.parent / "firmware" / "tsa-firmware.elf"]
+    emulator = program("rig-emulator", scene, programs)
+    found = emulator.parent
+    images = [emulator, found.parent / "firmware" / "tsa-firmware.elf"]
     inputs: Task = {
         "scene": str(Path(scene).resolve()),
         "rig": rig,
@@ -441,14 +444,14 @@ def trials(
     - `true_position_m`, `position_m`, `position_error_m`: the same of the position since homing (m)
     - `ended`: why the trial ended early. A trial without any moment, or whose worker failed, has one row of it
 
-    Raises ValueError for an empty list and an unknown kind.
+    Raises ArgumentError for an empty list and an unknown kind.
     """
     drawn = [int(seed) for seed in seeds]
     if not drawn or not kinds:
-        raise ValueError(f"{'kinds' if drawn else 'seeds'}: the list is empty")
+        raise wrong(f"{'kinds' if drawn else 'seeds'}: the list is empty")
     for kind in kinds:
         if kind not in ("ideal", "nominal", "hard"):
-            raise ValueError(f"kinds: there is no kind of rig {kind!r}; there are ideal, nominal and hard")
+            raise wrong(f"kinds: there is no kind of rig {kind!r}; there are ideal, nominal and hard")
     code = _contents([str(_core.__file__)])
     tasks: list[Task] = [
         {"kind": kind, "seeds": drawn[start : start + CHUNK], "contents": code}
