@@ -8,7 +8,7 @@ use crate::{PlantSettings, Truth};
 use rig_config::Scene;
 use rig_control::sensors::EncoderCount;
 use rig_control::supervisor::Events;
-use rig_control::{Controller, DriveCommand, Inputs, LvdtBlock, Outputs, RigConstants, TICK_S};
+use rig_control::{Controller, DriveCommand, DriveReading, Inputs, LvdtBlock, Outputs, RigConstants, TICK_S};
 use rig_link::messages::{Accepted, Counters, EventKind, LoadChoice, Refusal, Request, Sensors, State, Telemetry};
 use rmds405::{Address, Conversation, Received, Report};
 use std::sync::{Arc, OnceLock};
@@ -133,11 +133,13 @@ pub struct ControlBench<C: ControlLaw = Controller> {
     block: Option<LvdtBlock>,
     encoder: EncoderCount,
     drive: Conversation,
+    address: Address,
     estop: bool,
     limits_open: [bool; 2],
     heard_us: Option<u64>,
 }
 
+#[cfg(test)]
 pub(crate) fn address() -> Address {
     Address::new(scene().rig.drive_group, scene().rig.drive_number).expect("the scene was checked")
 }
@@ -148,8 +150,7 @@ impl ControlBench {
         Self::with(booted(), keys, seed)
     }
 
-    /// As [`ControlBench::new`], of a rig whose `[rig]` is not the default scene's, and control code built for it. Address and
-    /// supply divider of the drive must be the default scene's.
+    /// As [`ControlBench::new`], of a rig whose `[rig]` is not the default scene's, and control code built for it.
     pub fn of(scene: &Scene, keys: &[(&str, &str)], seed: u64) -> Self {
         let control = Controller::new(table(), scene.constants(), None);
         Self::in_scene(scene, control, keys, seed)
@@ -169,6 +170,9 @@ impl<C: ControlLaw> ControlBench<C> {
     /// A controller on a rig that has just been switched on.
     pub fn on(mut rig: EmulatedRig, control: C) -> Self {
         let encoder = EncoderCount::new(rig.quadrature(0.0, 3) as u16);
+        let parameters = rig.parameters();
+        let address = Address::new(parameters.drive_group, parameters.drive_number).expect("the rig was checked");
+        let drive = Conversation::new(address, parameters.supply_divider.map(|divider| divider as f32));
         Self {
             rig,
             control,
@@ -182,7 +186,8 @@ impl<C: ControlLaw> ControlBench<C> {
             codes: Vec::with_capacity(BLOCK),
             block: None,
             encoder,
-            drive: Conversation::new(address(), constants().supply_divider),
+            drive,
+            address,
             estop: false,
             limits_open: [false; 2],
             heard_us: None,
@@ -230,7 +235,7 @@ impl<C: ControlLaw> ControlBench<C> {
             match stimulus {
                 Stimulus::Can(frame) => {
                     let received = Received { id: frame.id, extended: false, remote: false, data: &frame.data };
-                    if let Ok(report) = Report::decode(address(), &received) {
+                    if let Ok(report) = Report::decode(self.address, &received) {
                         let frame = self.drive.hear((self.time_s * 1e6) as u64, report);
                         self.send(frame);
                     }
@@ -296,6 +301,79 @@ impl<C: ControlLaw> ControlBench<C> {
     /// For the given time (s).
     pub fn run(&mut self, seconds: f64) {
         self.until(seconds, |_| false);
+    }
+}
+
+/// How far (rad of the motor) a target of [`MotorSpeed`] may lead the shaft: at standstill, and further by the way of this time (s).
+const LEAD_RAD: f64 = 1.0;
+const LEAD_S: f64 = 0.1;
+
+/// No control code: the motor turns at a speed, with a current limit. The drive gets what the control code would send for it, a
+/// position that moves on in every tick.
+#[derive(Clone, Debug)]
+pub struct MotorSpeed {
+    /// Wanted speed of the motor shaft (rad/s).
+    pub speed_rad_per_s: f64,
+    /// Maximum current (A).
+    pub current_a: f64,
+    counts_per_rad: f64,
+    /// Where the shaft is to be (drive counts); `None` until the drive reports.
+    position_qc: Option<f64>,
+    asked: bool,
+}
+
+/// One tick of [`MotorSpeed`].
+#[derive(Clone, Copy, Debug)]
+pub struct MotorTick {
+    /// For the drive.
+    pub drive: DriveCommand,
+    /// What the sensors showed.
+    pub inputs: Inputs,
+}
+
+impl MotorSpeed {
+    /// At standstill, with the rig's own current limit.
+    pub fn of(rig: &EmulatedRig) -> Self {
+        let parameters = rig.parameters();
+        Self {
+            speed_rad_per_s: 0.0,
+            current_a: parameters.drive_current_limit_a,
+            counts_per_rad: parameters.counts_per_rad() / parameters.gear(),
+            position_qc: None,
+            asked: false,
+        }
+    }
+
+    fn command(&mut self, drive: DriveReading) -> DriveCommand {
+        let DriveReading::Reports { position_qc, .. } = drive else {
+            self.position_qc = None;
+            let first = !std::mem::replace(&mut self.asked, true);
+            return if first || drive == DriveReading::Failed { DriveCommand::Restart } else { DriveCommand::Silence };
+        };
+        let (here, speed) = (f64::from(position_qc), self.speed_rad_per_s);
+        let lead = (LEAD_RAD + LEAD_S * speed.abs()) * self.counts_per_rad.abs();
+        let next = self.position_qc.unwrap_or(here) + speed * f64::from(TICK_S) * self.counts_per_rad;
+        let position = next.clamp(here - lead, here + lead);
+        self.position_qc = Some(position);
+        // Room to catch up, as the control code gives it.
+        let rpm = (1.3 * speed.abs() + LEAD_RAD / LEAD_S) * 60.0 / std::f64::consts::TAU;
+        DriveCommand::Follow {
+            position_qc: position as i32,
+            speed_limit_rpm: rpm as i16,
+            current_limit_ma: (1e3 * self.current_a) as i16,
+        }
+    }
+}
+
+impl ControlLaw for MotorSpeed {
+    type Decision = MotorTick;
+
+    fn step(&mut self, inputs: &Inputs) -> MotorTick {
+        MotorTick { drive: self.command(inputs.drive), inputs: *inputs }
+    }
+
+    fn drive(decision: &MotorTick) -> DriveCommand {
+        decision.drive
     }
 }
 

@@ -5,6 +5,7 @@ use errors::{broken, of_kind, wrong};
 use numpy::{PyArray2, PyReadonlyArray1};
 use pyo3::prelude::*;
 
+mod bench;
 mod errors;
 mod inverse;
 mod rig;
@@ -183,6 +184,8 @@ impl Table {
 /// The native module of `tsa_rig`.
 #[pymodule]
 mod _core {
+    #[pymodule_export]
+    use super::bench::{Bench, Plant};
     #[pymodule_export]
     use super::rig::{Board, Motion};
     #[pymodule_export]

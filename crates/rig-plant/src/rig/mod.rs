@@ -267,6 +267,11 @@ impl EmulatedRig {
         self.drive_all_pins();
     }
 
+    /// What the scene says of its parts.
+    pub fn parameters(&self) -> &RigConfig {
+        &self.parameters
+    }
+
     /// Time of the state, s; a multiple of [`STEP_S`].
     pub fn now_s(&self) -> f64 {
         self.steps as f64 * STEP_S

@@ -1,4 +1,5 @@
-"""Model, table, identification and rig client of a twisted-string actuator with a load-adaptive transmission.
+"""Model, table, identification, emulated rigs and rig client of a twisted-string actuator with a load-adaptive
+transmission.
 
 >>> import tsa_rig
 >>> scene = tsa_rig.Scene.load("scenes/default.toml")
@@ -12,6 +13,7 @@ refused or fails raises a `RigError`, with a `kind` for programs.
 
 from importlib.metadata import version
 
+from ._bench import Bench, Plant, Trace
 from ._errors import ArgumentError, MissingFileError, OperationError, RigError, SceneError
 from ._log import read_log
 from ._model import Equilibria, Looked, Mechanism, Scene, Table
@@ -22,6 +24,7 @@ __version__ = version("tsa-rig")
 
 __all__ = [
     "ArgumentError",
+    "Bench",
     "Config",
     "Equilibria",
     "Looked",
@@ -29,11 +32,13 @@ __all__ = [
     "MissingFileError",
     "Motion",
     "OperationError",
+    "Plant",
     "Rig",
     "RigError",
     "Scene",
     "SceneError",
     "Table",
+    "Trace",
     "budget",
     "identify",
     "published",
