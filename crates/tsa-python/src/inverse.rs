@@ -4,11 +4,14 @@
 use crate::finite;
 use std::f64::consts::{PI, TAU};
 use tsa_model::mechanism::MINIMUM_LOAD_N;
-use tsa_model::{Equilibrium, Mechanism, SolveError, twist_from_turns};
+use tsa_model::{Mechanism, SolveError, twist_from_turns};
 
-/// Largest load that is looked for (N), and the factor between two loads of the search.
+/// Load at which the search begins (N), the largest one, the factor between two of them, and the smallest relative step before a
+/// limit of the model.
+const LOAD_START_N: f64 = 2.0;
 const LOAD_MAX_N: f64 = 1e4;
 const LOAD_FACTOR: f64 = 2.0;
+const LOAD_STEP_MIN: f64 = 1e-4;
 /// Step of the search for a twist (rad), the smallest one before a limit of the model, and the largest twist.
 const TWIST_STEP_RAD: f64 = PI;
 const TWIST_STEP_MIN_RAD: f64 = 1e-4;
@@ -48,35 +51,31 @@ pub(crate) fn force(mechanism: &Mechanism, gap_m: f64, turns: f64) -> Result<f64
     finite("turns", turns)?;
     let twist_rad = twist_from_turns(turns);
     let solve = |load_n: f64| mechanism.solve(load_n, twist_rad);
-    // The last load whose gap is smaller, and all gaps that there are.
-    let (mut below_n, mut range_m): (Option<f64>, Option<[f64; 2]>) = (None, None);
-    let (mut load_n, mut why) = (MINIMUM_LOAD_N, String::new());
-    while load_n <= LOAD_MAX_N {
-        match solve(load_n) {
-            Ok(Equilibrium { gap_m: found_m, .. }) => {
-                if found_m == gap_m {
-                    return Ok(load_n);
-                }
-                if let Some(low_n) = below_n.filter(|_| found_m > gap_m) {
-                    let at = |load_n| solve(load_n).map(|e| (e.gap_m, e.dgap_dload_m_per_n));
-                    return root([low_n, load_n], gap_m, at);
-                }
-                below_n = (found_m < gap_m).then_some(load_n);
-                range_m = Some(range_m.map_or([found_m; 2], |[min_m, max_m]| [found_m.min(min_m), found_m.max(max_m)]));
+    // From any load with an equilibrium towards the gap.
+    let (mut here_n, mut here_m) = std::iter::successors(Some(LOAD_START_N), |load_n| Some(load_n * LOAD_FACTOR))
+        .take_while(|load_n| *load_n <= LOAD_MAX_N)
+        .find_map(|load_n| Some((load_n, solve(load_n).ok()?.gap_m)))
+        .ok_or_else(|| format!("no load is held at {turns} turns"))?;
+    let rises = here_m < gap_m;
+    let mut factor = if rises { LOAD_FACTOR } else { LOAD_FACTOR.recip() };
+    loop {
+        let next_n = (here_n * factor).clamp(MINIMUM_LOAD_N, LOAD_MAX_N);
+        match solve(next_n) {
+            Ok(found) if (found.gap_m >= gap_m) == rises || found.gap_m == gap_m => {
+                let at = |load_n: f64| solve(load_n).map(|e| (e.gap_m, e.dgap_dload_m_per_n));
+                return root([here_n.min(next_n), here_n.max(next_n)], gap_m, at);
             }
-            Err(e) => {
-                below_n = None;
-                why = e.to_string();
+            Ok(found) if next_n != here_n => (here_n, here_m) = (next_n, found.gap_m),
+            Err(_) if factor.ln().abs() > LOAD_STEP_MIN => factor = factor.sqrt(),
+            ended => {
+                let bound = if rises { "most" } else { "least" };
+                let why = ended.err().map_or_else(String::new, |e| format!(": {e}"));
+                return Err(format!(
+                    "gap_m {gap_m}: at {turns} turns it is at {bound} {here_m:.6} m, under {here_n:.3} N{why}"
+                ));
             }
         }
-        load_n *= LOAD_FACTOR;
     }
-    Err(match range_m {
-        Some([min_m, max_m]) => {
-            format!("gap_m {gap_m}: loads at {turns} turns hold gaps from {min_m:.6} to {max_m:.6} m")
-        }
-        None => format!("no load is held at {turns} turns: {why}"),
-    })
 }
 
 /// The turns past the half-turn pre-twist, from zero twist up, that hold a gap (m) under a load (N).

@@ -114,9 +114,21 @@ impl Scene {
                 e.gap_m,
                 e.dgap_dtwist_m_per_rad,
                 e.dgap_dload_m_per_n,
-                // The state itself is there.
-                mechanism.conservative_torque_nm(query.load_n, twist_rad).unwrap_or(f64::NAN),
             ])
+        })
+    }
+
+    /// The conservative torque (N m); it takes 25 equilibria.
+    fn torque<'py>(
+        &self,
+        py: Python<'py>,
+        load_n: PyReadonlyArray1<'py, f64>,
+        turns: PyReadonlyArray1<'py, f64>,
+    ) -> PyResult<Columns<'py>> {
+        let mechanism = self.0.mechanism().map_err(unfit)?;
+        columns(py, &load_n, &turns, |query| {
+            let twist_rad = tsa_model::twist_from_turns(query.turns);
+            Ok([mechanism.conservative_torque_nm(query.load_n, twist_rad).map_err(|e| e.to_string())?])
         })
     }
 

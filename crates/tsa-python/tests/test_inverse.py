@@ -1,5 +1,6 @@
 """The mechanism the other way round, and its torque."""
 
+import pickle
 from pathlib import Path
 
 import numpy as np
@@ -47,6 +48,8 @@ def test_the_torque_conserves_energy(mechanism: tsa_rig.Mechanism) -> None:
     above, below = (mechanism.solve(loads * (1.0 + side), turns).torque_nm for side in (step, -step))
     slope = mechanism.solve(loads, turns).dgap_dtwist_m_per_rad
     assert np.allclose((above - below) / (2.0 * step * loads), -slope, rtol=0.01)
+    kept = pickle.loads(pickle.dumps(mechanism.solve(5.0, 3.0)))
+    assert kept.torque_nm == mechanism.solve(5.0, 3.0).torque_nm > 0.0 and kept.gap_m > 0.0
     twisted = mechanism.solve(5.0, 7.0)
     assert np.isnan(twisted.torque_nm) and np.isfinite(twisted.gap_m) and not twisted.error, "0.3 N cannot be there"
 

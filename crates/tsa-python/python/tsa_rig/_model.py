@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
 from os import PathLike
 from typing import Any
 
@@ -80,16 +81,26 @@ class Equilibria:
     """Derivative of the gap by the twist at constant load (m/rad)."""
     dgap_dload_m_per_n: Array
     """Derivative of the gap by the load at constant twist (m/N)."""
-    torque_nm: Array
-    """Torque of the strings towards zero twist (N m), without friction.
-
-    It is the conservative one, T = −∂/∂θ ∫₀ᶠ G dF with the gap G, twist θ and load F, so that what the motor gives the
-    load takes. The paper's relation, which does not conserve energy, differs from it (docs/explanation/model.md,
-    section 4). NaN also where a lighter load has no equilibrium at this twist, beyond about 6.4 turns in the default
-    scene: the integral has no beginning there.
-    """
     error: NDArray[np.str_]
     """Why a state was refused; empty where it was not."""
+    _torque: Callable[[Array, Array], _core.Columns] | None = field(repr=False, compare=False)
+
+    @cached_property
+    def torque_nm(self) -> Array:
+        """Torque of the strings towards zero twist (N m), without friction; computed when it is first asked for, in ten
+        times the time of the rest.
+
+        It is the conservative one, T = −∂/∂θ ∫₀ᶠ G dF with the gap G, twist θ and load F, so that what the motor gives
+        the load takes. The paper's relation, which does not conserve energy, differs from it
+        (docs/explanation/model.md, section 4). NaN also where a lighter load has no equilibrium at this twist, beyond
+        about 6.4 turns in the default scene: the integral has no beginning there.
+        """
+        assert self._torque is not None, "it was computed before it was pickled"
+        _, _, (torque,), _ = _columns(self._torque, ("load_n", self.load_n), ("turns", self.turns))
+        return np.where(self.error == "", torque, np.nan)
+
+    def __getstate__(self) -> dict[str, object]:
+        return {**self.__dict__, "torque_nm": self.torque_nm, "_torque": None}
 
 
 @dataclass(frozen=True)
@@ -113,7 +124,7 @@ class Looked:
 
 
 # The rows that the native part answers with, in its order.
-_SOLVED = [f.name for f in fields(Equilibria)][2:-1]
+_SOLVED = [f.name for f in fields(Equilibria)][2:-2]
 _LOOKED_UP = [f.name for f in fields(Looked)][2:-1]
 
 
@@ -130,7 +141,8 @@ class Mechanism:
         `error`.
         """
         loads, all_turns, columns, error = _columns(self._core.solve, ("load_n", load_n), ("turns", turns))
-        return Equilibria(**dict(zip(_SOLVED, columns)), load_n=loads, turns=all_turns, error=error)
+        named = dict(zip(_SOLVED, columns))
+        return Equilibria(**named, load_n=loads, turns=all_turns, error=error, _torque=self._core.torque)
 
     def force(self, gap_m: ArrayLike, turns: ArrayLike) -> Equilibria:
         """Which load holds a gap (m) at turns past the half-turn pre-twist? Arrays that broadcast.
