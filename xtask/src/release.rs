@@ -2,7 +2,7 @@
 //! `docs/how-to/release.md` says what is in it for whom.
 
 use crate::packages::Packages;
-use crate::process::{files_in, foreign, output_of, run, shown};
+use crate::process::{empty, files_in, foreign, output_of, program, run, shown};
 use crate::{Folders, host, licences, python, toolchain};
 use anyhow::{Context, Result, ensure};
 use cargo_metadata::Package;
@@ -175,10 +175,6 @@ fn in_archive(folder: &Path, name: &str) -> Command {
     foreign(&folder.join("bin").join(program(name)).to_string_lossy(), folder)
 }
 
-fn program(name: &str) -> String {
-    format!("{name}{}", std::env::consts::EXE_SUFFIX)
-}
-
 /// Runs a line of shell in which `$sum` is the program that makes and checks SHA-256 sums on this system.
 fn sum(folder: &Path, line: &str) -> Result<()> {
     let line = format!("sum=sha256sum; command -v $sum > /dev/null || sum='shasum -a 256'; {line}");
@@ -188,13 +184,6 @@ fn sum(folder: &Path, line: &str) -> Result<()> {
 /// Tar of the system: Linux, macOS and Windows have one.
 fn run_tar(folder: &Path, arguments: &[&Path]) -> Result<()> {
     run(foreign("tar", folder).args(arguments))
-}
-
-fn empty(folder: &Path) -> Result<()> {
-    if folder.exists() {
-        fs::remove_dir_all(folder)?;
-    }
-    Ok(fs::create_dir_all(folder)?)
 }
 
 #[cfg(test)]
