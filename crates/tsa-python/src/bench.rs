@@ -10,6 +10,7 @@ use rig_plant::bench::{ControlBench, ControlLaw, ControlTick, MotorSpeed, MotorT
 use rig_plant::rig::EmulatedRig;
 use rig_plant::{PlantChange, PlantSettings, RigPreset, Truth};
 use std::f64::consts::TAU;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// Rigs that are worked on between two looks at Python's signals.
@@ -241,7 +242,7 @@ where
         self.0.iter().map(|rig| locked(rig).as_ref().err().cloned().unwrap_or_default()).collect()
     }
 
-    /// `f` of each rig by its number, on all cores, without Python's lock.
+    /// `f` of each rig by its number, on all cores, without Python's lock. A panic is the end of that rig alone.
     fn each<T: Send>(
         &self,
         py: Python<'_>,
@@ -251,9 +252,14 @@ where
         for start in (0..self.0.len()).step_by(CHUNK) {
             let count = CHUNK.min(self.0.len() - start);
             all.extend(py.detach(|| {
-                rigctl::parallel::parallel(&|_, _| {}, count, |k| match &mut *locked(&self.0[start + k]) {
-                    Ok(bench) => f(start + k, bench),
-                    Err(why) => Err(why.clone()),
+                rigctl::parallel::parallel(&|_, _| {}, count, |k| {
+                    let rig = &mut *locked(&self.0[start + k]);
+                    let bench = rig.as_mut().map_err(|why| why.clone())?;
+                    catch_unwind(AssertUnwindSafe(|| f(start + k, bench))).unwrap_or_else(|_| {
+                        let why = "it has panicked: standard error says why".to_owned();
+                        *rig = Err(why.clone());
+                        Err(why)
+                    })
                 })
             }));
             py.check_signals()?;

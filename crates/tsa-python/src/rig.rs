@@ -106,7 +106,7 @@ impl Shared {
         result.map_err(error)
     }
 
-    /// Runs a command of the tool in the session; the object that it prints. A failure after it is in the object.
+    /// Runs a command of the tool in the session; what it prints, one object a line.
     fn command(
         &self,
         py: Python<'_>,
