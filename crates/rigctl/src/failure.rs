@@ -14,7 +14,7 @@ pub struct ErrorBody {
     pub message: String,
 }
 
-/// A failure of a kind that programs compare: those of `serve.md`.
+/// A failure of a kind that programs compare: those of `crates/rigctl/serve.md`.
 #[derive(Clone, Debug, thiserror::Error)]
 #[error("{message}")]
 pub struct OfKind {
