@@ -2,7 +2,7 @@
 
 use super::with_file;
 use rig_control::{DriveCommand, DriveReading, Inputs, LvdtBlock, SupplyReading};
-use rig_link::messages::{Counters, LoadChoice, Request, Setting, Telemetry};
+use rig_link::messages::{LoadChoice, Request, Setting, Telemetry};
 use rig_plant::RigPreset;
 use rig_plant::bench::{ControlBench, booted, constants, scene, table};
 use rig_plant::rig::EmulatedRig;
@@ -80,7 +80,7 @@ pub fn control(data: &[u8]) {
             assert!(speed_limit_rpm >= 0 && (50..=constants().current_limit_ma).contains(&current_limit_ma));
             assert!(QuadCounts(position_qc).0 == position_qc);
         }
-        check_telemetry(&rig.telemetry(&inputs, Counters::default()));
+        check_telemetry(&rig.telemetry(&inputs));
     }
 }
 

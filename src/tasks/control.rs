@@ -17,16 +17,9 @@ use static_cell::StaticCell;
 /// One tick: the step, then the telemetry of it. Named and kept apart so that its instructions can be counted.
 #[unsafe(no_mangle)]
 #[inline(never)]
-fn control_tick(rig: &mut Controller, inputs: &Inputs, longest_tick_us: u32) -> (Outputs, Telemetry) {
+fn control_tick(rig: &mut Controller, inputs: &Inputs) -> (Outputs, Telemetry) {
     let outputs = rig.step(inputs);
-    let counters = Counters {
-        link_errors: shared::LINK_ERRORS.load(Ordering::Relaxed),
-        foreign_frames: shared::FOREIGN_FRAMES.load(Ordering::Relaxed),
-        late_ticks: rig.late_ticks(),
-        unsent: shared::UNSENT.load(Ordering::Relaxed),
-        longest_tick_us,
-    };
-    (outputs, rig.telemetry(inputs, counters))
+    (outputs, rig.telemetry(inputs))
 }
 
 #[embassy_executor::task]
@@ -77,7 +70,7 @@ pub async fn run(encoder: Qei<'static, TIM3>, mut switches: Switches, mut leds: 
         };
         let before = rig.state();
         let began = DWT::cycle_count();
-        let (outputs, telemetry) = control_tick(rig, &inputs, longest_tick_us);
+        let (outputs, telemetry) = control_tick(rig, &inputs);
         longest_tick_us = longest_tick_us.max(DWT::cycle_count().wrapping_sub(began) / CYCLES_PER_US);
         let driving = match outputs.drive {
             DriveCommand::Follow { .. } => true,
@@ -107,7 +100,14 @@ pub async fn run(encoder: Qei<'static, TIM3>, mut switches: Switches, mut leds: 
         if rig.state() != before {
             defmt::info!("{} -> {}", before, rig.state());
         }
-        shared::SENSORS.set(Some(rig.sensors(&inputs)));
+        let counters = Counters {
+            link_errors: shared::LINK_ERRORS.load(Ordering::Relaxed),
+            foreign_frames: shared::FOREIGN_FRAMES.load(Ordering::Relaxed),
+            late_ticks: rig.late_ticks(),
+            unsent: shared::UNSENT.load(Ordering::Relaxed),
+            longest_tick_us,
+        };
+        shared::SENSORS.set(Some(rig.sensors(&inputs, counters)));
         shared::show(telemetry);
         leds.fault.set_level(matches!(rig.state(), State::Fault | State::EStop).into());
         ticks = ticks.wrapping_add(1);

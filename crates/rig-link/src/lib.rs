@@ -36,8 +36,8 @@ pub use protocol::PROTOCOL_HASH;
 pub const BAUD: u32 = 115_200;
 
 /// The board sends one telemetry message every this many milliseconds.
-/// It has at most 108 bytes, with every counter at its maximum: 10.8 kB/s of the 11.5 kB/s that [`BAUD`] carries. As a rule
-/// it has 80.
+/// It has at most 100 bytes: 10 kB/s of the 11.5 kB/s that [`BAUD`] carries. The counts of errors, which change rarely, come
+/// with the sensors' readings instead.
 pub const TELEMETRY_PERIOD_MS: u32 = 10;
 
 /// The host sends a heartbeat this often (ms); the board reports a silent host after several have failed to come.

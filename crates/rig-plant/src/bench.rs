@@ -95,7 +95,7 @@ impl ControlLaw for Controller {
     fn step(&mut self, inputs: &Inputs) -> ControlTick {
         let Outputs { drive, reply, events, .. } = Controller::step(self, inputs);
         let counters = Counters { late_ticks: self.late_ticks(), ..Counters::default() };
-        ControlTick { drive, reply, events, telemetry: self.telemetry(inputs, counters), sensors: self.sensors(inputs) }
+        ControlTick { drive, reply, events, telemetry: self.telemetry(inputs), sensors: self.sensors(inputs, counters) }
     }
 
     fn drive(decision: &ControlTick) -> DriveCommand {

@@ -4,6 +4,7 @@ use crate::csv_text::columns;
 use crate::failure::{ErrorBody, Failure};
 use crate::options::values::{load, turns};
 use crate::output::Output;
+use crate::units::NUMBER;
 use clap::Args;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -63,10 +64,11 @@ fn parse(text: &str) -> Result<Vec<Result<Query, RowError>>, String> {
     Ok(columns(text, ["load_n", "turns"])?.into_iter().map(|(_, row)| query(row)).collect())
 }
 
-/// Answers every row of a file under a heading, a `line` each for people. Rows may fail, but not all of them.
+/// Answers every row of a file under a heading, a `line` each for people. Where a row fails, the others are answered all the
+/// same.
 ///
 /// # Errors
-/// If the file cannot be read or lacks a column, or if there were rows and all of them failed.
+/// If the file cannot be read or lacks a column; if a row failed, but with `--json` only if all of them did.
 pub fn answer<T: Serialize>(
     path: &Path,
     output: &mut Output,
@@ -78,27 +80,33 @@ pub fn answer<T: Serialize>(
     output.line(heading)?;
     let (rows, mut failed) = (queries.len(), 0);
     for query in queries {
+        let asked = query.as_ref().map_or(["", ""].map(String::from), |q| [q.load_n, q.turns].map(|x| NUMBER.exact(x)));
         match query.and_then(&solve) {
             Ok(answer) => {
                 output.object(&answer)?;
                 output.line(line(&answer))?;
             }
-            Err(error) => {
+            Err(failure) => {
                 failed += 1;
-                output.object(&error)?;
-                output.line(serde_json::to_string(&error)?)?;
+                output.object(&failure)?;
+                output.line(format!("{:>10} {:>8}  {}", asked[0], asked[1], failure.error.message))?;
             }
         }
     }
-    if rows > 0 && failed == rows {
-        return Err(Failure::failed(format!("batch file {}: every one of its {rows} rows failed", path.display())));
-    }
-    Ok(())
+    let failed = match failed {
+        0 => return Ok(()),
+        _ if failed == rows => format!("every one of its {rows} rows failed"),
+        // Who reads JSON finds each failed row by itself.
+        _ if output.json() => return Ok(()),
+        _ => format!("{failed} of its {rows} rows failed"),
+    };
+    Err(Failure::failed(format!("batch file {}: {failed}", path.display())))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::fixtures::Shown;
 
     #[test]
     fn columns_by_name_and_bad_rows_in_place() {
@@ -118,5 +126,27 @@ mod tests {
         ] {
             assert!(parse(text).unwrap_err().contains(named), "{text}");
         }
+    }
+    #[test]
+    fn a_failed_row_is_a_line_for_people_and_fails_the_command() {
+        let file = std::env::temp_dir().join(format!("rigctl-batch-{}.csv", std::process::id()));
+        std::fs::write(&file, "load_n,turns\n4.9,2\n0,1\nx,1\n").expect("written");
+        let run = |json: bool| {
+            let shown = Shown::default();
+            let solve = |q: Query| {
+                if q.load_n > 0.0 { Ok(q.turns) } else { Err(RowError::new("slack", "a slack string")) }
+            };
+            let ended = answer(&file, &mut Output::new(json, Box::new(shown.clone())), "heading", solve, |turns| {
+                format!("{turns} turns")
+            });
+            (ended.map_err(|failure| failure.message().unwrap_or_default()), shown.text())
+        };
+        let (ended, shown) = run(false);
+        assert_eq!(shown.lines().nth(2), Some("         0        1  a slack string"));
+        assert!(shown.lines().nth(3).is_some_and(|row| row.trim().starts_with("line 4: load_n `x`")), "{shown}");
+        assert!(ended.is_err_and(|why| why.ends_with("2 of its 3 rows failed")));
+        let (ended, shown) = run(true);
+        assert_eq!((ended, shown.matches("{\"error\"").count()), (Ok(()), 2));
+        let _ = std::fs::remove_file(&file);
     }
 }

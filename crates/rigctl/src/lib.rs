@@ -4,7 +4,7 @@
 //!
 //! - [`cli`]: the list of commands; [`commands`]: each with its arguments, its help and what it does.
 //! - [`options`]: the operator's options as values.
-//! - [`play`]: a script on a board; [`diagnosis`]: the checks of `doctor`; [`recorded_move`]: what `demo` makes and draws; [`laboratory`]:
+//! - [`play`]: a script on a board; [`plan`]: what an actuator can do with a load, without a board; [`diagnosis`]: the checks of `doctor`; [`recorded_move`]: what `demo` makes and draws; [`laboratory`]:
 //!   commands of the laboratory's tool; [`screen`], [`monitor_input`], [`monitor_keys`]: the live view; [`backup`]: the file of a settings backup.
 //! - [`log`]: a recorded conversation; [`replay`]: a log through the controller again; [`identify`]: constants from logs;
 //!   [`export`]: a log for other tools.
@@ -69,6 +69,7 @@ pub mod out_file;
 pub mod outline;
 pub mod output;
 pub mod parallel;
+pub mod plan;
 pub mod play;
 pub mod plot;
 pub mod recorded_move;

@@ -13,7 +13,7 @@ use crate::units::{MM, RAD};
 use rig_config::Scene;
 use rig_control::homing::Homed;
 use rig_control::{Controller, DriveCommand, DriveReading, Inputs, LvdtBlock, RigConstants, TICK_S, TICK_US, settings};
-use rig_link::{Counters, HomingResult, Request, Setting, SettingValues, State};
+use rig_link::{HomingResult, Request, Setting, SettingValues, State};
 use serde::Serialize;
 use std::f32::consts::PI;
 use tsa_table::Table;
@@ -260,7 +260,7 @@ fn answers(ticks: &[Tick<'_>], homed: &Homed, board: &Board<'_>) -> Vec<Answer> 
             request,
         };
         let outputs = rig.step(&inputs);
-        (outputs.drive, rig.telemetry(&inputs, Counters::default()))
+        (outputs.drive, rig.telemetry(&inputs))
     };
     let Some(first) = ticks.first() else { return Vec::new() };
     let standing = Row { drive_speed_rad_per_s: 0.0, ..first.row.clone() };

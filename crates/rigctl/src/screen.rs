@@ -1,8 +1,8 @@
 //! The live view: the newest telemetry as numbers, the last half minute as plots.
 
 use crate::outline::{Outline, outline};
-use crate::session::row::Row;
-use crate::units::{MA, MM, N, RAD_PER_MM, RPM, S, TURNS_OF_RAD, UM};
+use crate::session::row::{Row, load_text};
+use crate::units::{MA, MM, RAD_PER_MM, RPM, S, TURNS_OF_RAD, UM};
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::{Color, Modifier, Style};
@@ -195,7 +195,7 @@ impl Screen {
             line("position", MM.within(row.position_m, row.position_error_m)),
             line("error", UM.within(error_m, row.position_error_m)),
             line("time left", S.rounded(row.time_left_s, 1.0)),
-            line("load", N.within(row.load_n, row.load_error_n)),
+            line("load", load_text(row.load_n, row.load_error_n, row.load_at_range_end)),
             line("TR", RAD_PER_MM.show(row.tr_rad_per_m)),
             line("twist", TURNS_OF_RAD.show(twist_rad)),
             line("motor", RPM.rounded(row.drive_speed_rad_per_s, 10.0 * TAU / 60.0)),

@@ -20,6 +20,8 @@ const MAX_M_PER_S: f64 = 100.0;
 /// One point of a trajectory.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TrajectoryPoint {
+    /// Line of its file, or its place in the lists that it comes from.
+    pub row: usize,
     /// Time since the beginning (s).
     pub t_s: f64,
     /// Position (m).
@@ -65,7 +67,11 @@ impl Trajectory {
             return Err(format!("line {line}: t_s {t_s} is not later than {} in the line before", pair[0].1[0]));
         }
         let column = |k: usize| points.iter().map(|(_, row)| row[k]).collect::<Vec<f64>>();
-        Self::new(&column(0), &column(1), has_speed.then(|| column(2)).as_deref())
+        let mut trajectory = Self::new(&column(0), &column(1), has_speed.then(|| column(2)).as_deref())?;
+        for (point, (line, _)) in trajectory.0.iter_mut().zip(&points) {
+            point.row = *line;
+        }
+        Ok(trajectory)
     }
 
     /// Through positions (m) at times (s), with these speeds (m/s). Without speeds it begins and ends at rest, and has the mean
@@ -90,6 +96,7 @@ impl Trajectory {
         };
         let points: Vec<TrajectoryPoint> = (0..count)
             .map(|k| TrajectoryPoint {
+                row: k,
                 t_s: times_s[k] - times_s[0],
                 position_m: positions_m[k],
                 speed_m_per_s: slope(k),
@@ -144,6 +151,29 @@ impl Trajectory {
         let (two, three) = (va + vb - 2.0 * rise, 3.0 * rise - 2.0 * va - vb);
         let position_m = a.position_m + x * (va + x * (three + x * two));
         (position_m, (va + x * (2.0 * three + 3.0 * x * two)) / width_s)
+    }
+
+    /// Its points and four more on the way to each, with their accelerations (m/s²), before and after each point. One between two
+    /// rows belongs to the second.
+    pub fn samples(&self) -> impl Iterator<Item = (TrajectoryPoint, f64)> + '_ {
+        self.0.windows(2).flat_map(move |pair| {
+            let (a, b) = (pair[0], pair[1]);
+            let width_s = b.t_s - a.t_s;
+            // The acceleration changes evenly between two points, and jumps at one.
+            let first = 2.0 * (3.0 * (b.position_m - a.position_m) / width_s - 2.0 * a.speed_m_per_s - b.speed_m_per_s);
+            let last = 2.0 * (b.speed_m_per_s - a.speed_m_per_s) - first;
+            [0, 5, 1, 2, 3, 4].into_iter().map(move |step| {
+                let x = 0.2 * f64::from(step);
+                let row = if step == 0 { a.row } else { b.row };
+                let t_s = a.t_s + x * width_s;
+                let (position_m, speed_m_per_s) = match step {
+                    0 => (a.position_m, a.speed_m_per_s),
+                    5 => (b.position_m, b.speed_m_per_s),
+                    _ => self.at(t_s),
+                };
+                (TrajectoryPoint { row, t_s, position_m, speed_m_per_s }, (first + x * (last - first)) / width_s)
+            })
+        })
     }
 
     /// The set-points of the whole trajectory, each with its time (s).

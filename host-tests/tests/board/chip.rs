@@ -1,6 +1,6 @@
 //! Homing and moving over either transport, the time of a tick, resets of the core, and a table that is sent.
 
-use super::{go, identity, moves};
+use super::{counters, go, identity, moves};
 use host_tests::board::{Bench, uart_scene};
 use rand::{RngExt, SeedableRng};
 use rig_link::messages::{Fault, LoadChoice, Refusal, Request, ResetCause, State, TableRefusal};
@@ -38,7 +38,7 @@ fn homes_and_moves_a_load_it_was_not_given_over_bus_or_serial_line() {
         assert!((stats.tick.count as f64 - expected).abs() < 3.0, "{} ticks of {expected}", stats.tick.count);
         assert!(stats.resets.is_empty() && stats.warnings.is_empty(), "{stats:?}");
         assert_eq!(b.machine.board().drive().transport(), Some(transport));
-        assert_eq!(b.last.unwrap().counters.foreign_frames, 0);
+        assert_eq!(counters(&mut b).foreign_frames, 0);
         let scene_hash = if uart { uart_scene().hash() } else { host_tests::scene().hash() };
         assert_eq!(identity(&mut b).scene_hash, scene_hash);
     }

@@ -1,7 +1,7 @@
 //! Host link and the drive's lines: noise, strangers, another tool, stops and repeated requests; and the drive on the serial
 //! line, whose framing is assumed: what is tested is that a line without checksums does no harm.
 
-use super::{JOG, fault, noise, standing, stands};
+use super::{JOG, counters, fault, noise, standing, stands};
 use host_tests::board::{Bench, HELLO};
 use rig_link::messages::{Fault, Refusal, Request, ResetCause, State};
 use rig_link::{PROTOCOL_HASH, Versions};
@@ -27,7 +27,7 @@ fn noise_on_the_link_and_strangers_on_the_bus_are_ignored_and_counted() {
             assert!(b.ask(&Request::Status).is_ok());
         }
     }
-    let counters = b.last.unwrap().counters;
+    let counters = counters(&mut b);
     assert!(counters.link_errors > 10, "{counters:?}");
     assert!(counters.foreign_frames >= 250, "{counters:?}");
     assert_eq!(b.state(), State::Unhomed);
@@ -133,7 +133,7 @@ fn noise_on_the_line_moves_nothing_and_reports_are_still_heard() {
         assert_eq!(b.state(), State::Unhomed, "{:?}", b.last);
     }
     b.run(0.1);
-    let foreign = b.last.unwrap().counters.foreign_frames as usize;
+    let foreign = counters(&mut b).foreign_frames as usize;
     println!("{sent} bytes of noise, {foreign} bytes dropped");
     // All of the noise, and the reports that it ran into.
     assert!((sent - 12..2 * sent).contains(&foreign), "{foreign} of {sent}");

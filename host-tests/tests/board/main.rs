@@ -60,6 +60,14 @@ fn identity(b: &mut Bench) -> rig_link::messages::Identity {
     b.identity.clone().unwrap()
 }
 
+/// What the board has counted.
+fn counters(b: &mut Bench) -> rig_link::messages::Counters {
+    b.sensors = None;
+    b.ask(&Request::ReadSensors).unwrap();
+    assert!(b.until(0.5, |b| b.sensors.is_some()));
+    b.sensors.unwrap().counters
+}
+
 /// Bytes of Xorshift.
 fn noise(state: &mut u32, count: usize) -> Vec<u8> {
     let mut next = || {

@@ -6,7 +6,7 @@ use crate::{chip, registers};
 use core::hint::black_box;
 use cortex_m::peripheral::DWT;
 use rig_control::{Controller, DriveCommand, DriveReading, Inputs, LvdtBlock, SupplyReading, TICK_US};
-use rig_link::messages::{Counters, Request, State};
+use rig_link::messages::{Request, State};
 
 /// Where the loads and the twists lie in the table's range, 0 to 1.
 const LOADS: [f32; 6] = [0.01, 0.05, 0.13, 0.28, 0.53, 0.94];
@@ -109,7 +109,7 @@ fn tick() -> (Spread, State) {
         };
         let outputs = spread.count(|| {
             let outputs = rig.step(&inputs);
-            black_box(rig.telemetry(&inputs, Counters::default()));
+            black_box(rig.telemetry(&inputs));
             outputs
         });
         starts = matches!(outputs.drive, DriveCommand::Restart | DriveCommand::RestartOpenLoop);

@@ -9,7 +9,7 @@ use rig_link::messages::{Counters, Doubts, Sensors, Telemetry};
 
 impl Controller {
     /// Telemetry of the tick that these inputs were stepped in.
-    pub fn telemetry(&self, inputs: &Inputs, counters: Counters) -> Telemetry {
+    pub fn telemetry(&self, inputs: &Inputs) -> Telemetry {
         let (drive_current_a, drive_speed_rad_per_s) = match inputs.drive {
             DriveReading::Reports { speed_rpm, current_ma, .. } => {
                 (f32::from(current_ma) * 1e-3, f32::from(speed_rpm) * (TAU / 60.0))
@@ -47,12 +47,14 @@ impl Controller {
                 _ => None,
             },
             twist_scale: tracking.map(|tracking| tracking.homed.found.twist_scale),
-            counters,
+            gap_m,
+            shaft_rad: self.sensing.readings.shaft_rad,
+            supply_v: inputs.supply.map(|supply| supply.volts),
         }
     }
 
-    /// What the sensors showed in the tick that these inputs were stepped in.
-    pub fn sensors(&self, inputs: &Inputs) -> Sensors {
+    /// What the sensors showed in the tick that these inputs were stepped in, beside what the board has counted.
+    pub fn sensors(&self, inputs: &Inputs, counters: Counters) -> Sensors {
         Sensors {
             gap_m: self.sensing.readings.lvdt.gap_m(),
             shaft_rad: self.sensing.readings.shaft_rad,
@@ -68,6 +70,7 @@ impl Controller {
                 let found = &tracking.homed.found;
                 control.position_loop.rest.left_alone_m(found.gap_noise_m, found.jump_m)
             }),
+            counters,
         }
     }
 }

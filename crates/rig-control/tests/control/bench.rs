@@ -287,8 +287,8 @@ impl Bench {
             (_, drive) => drive,
         };
         self.events.extend(outputs.events.iter().copied());
-        self.telemetry = Some(self.rig.telemetry(&inputs, Counters::default()));
-        self.sensors = Some(self.rig.sensors(&inputs));
+        self.telemetry = Some(self.rig.telemetry(&inputs));
+        self.sensors = Some(self.rig.sensors(&inputs, Counters::default()));
         outputs
     }
 

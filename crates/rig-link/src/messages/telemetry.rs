@@ -6,7 +6,7 @@ use crate::gap_curve::GapCurve;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
-/// Readings of the sensors, homed or not.
+/// Readings of the sensors, homed or not, and what the board has counted.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, Schema)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Sensors {
@@ -27,6 +27,8 @@ pub struct Sensors {
     /// How far beside its target a load at rest is left alone (m): by the gap's noise, and where it sticks by how far it jumps
     /// when it breaks loose. `None` where nothing is held.
     pub rest_tolerance_m: Option<f32>,
+    /// Counts of ignored errors.
+    pub counters: Counters,
 }
 
 /// State and measurements of the board, every 10 ms.
@@ -70,8 +72,12 @@ pub struct Telemetry {
     pub time_left_s: Option<f32>,
     /// Learned scale of the twist: 1 is what the table was made for.
     pub twist_scale: Option<f32>,
-    /// Counts of ignored errors.
-    pub counters: Counters,
+    /// Gap by the LVDT, calibrated (m), homed or not; `None` if it gives no valid reading.
+    pub gap_m: Option<f32>,
+    /// Rotation of the strings since boot by the rig's own encoder, positive twists up (rad).
+    pub shaft_rad: f32,
+    /// Supply of the drive (V); `None` where it is not wired, or not reported yet.
+    pub supply_v: Option<f32>,
 }
 
 /// Counts of errors that are ignored, and the longest tick.

@@ -5,22 +5,18 @@ use crate::backup;
 use crate::failure::Failure;
 use crate::options::Global;
 use crate::output::Output;
+use crate::plan::Plan;
 use crate::units::{MM, MM_PER_S, NUMBER, RAD_PER_MM, S, TURNS};
 use rig_control::limits::Limits;
-use rig_control::mechanism::Mechanism;
-use rig_control::move_check::{MoveRequest, MoveStart};
+use rig_control::move_check::MoveRequest;
 use rig_control::planner::Planner;
 use rig_control::{TICK_S, settings as rig_settings};
-use rig_link::gap_curve::GapCurve;
-use rig_link::{Dropped, Kept, LoadChoice, Setting, SettingsReport};
+use rig_link::{Dropped, Kept, LoadChoice, SettingsReport};
 use serde_json::json;
 use std::f32::consts::PI;
 
 /// Ticks between two printed rows.
 const EVERY: u32 = 25;
-/// Rail friction that the plan assumes (N): that of the emulated rig unless `--plant` changes it. A board measures it when
-/// homing.
-const FRICTION_N: f32 = 0.05;
 
 /// Runs the command. Starts at the half-turn pre-twist.
 ///
@@ -32,8 +28,6 @@ pub fn run(global: &Global, options: &Move, output: &mut Output) -> Result<(), F
         return Err(Failure::Usage("--dry-run has no device to weigh the load with: give --load L".into()));
     };
     let scene = global.scene()?;
-    let fit = scene.fit_table()?;
-    let table = fit.table.table();
     let as_built = scene.constants();
     let defaults = rig_settings::defaults(&as_built);
     let values = match settings {
@@ -51,35 +45,20 @@ pub fn run(global: &Global, options: &Move, output: &mut Output) -> Result<(), F
         }
         None => defaults,
     };
-    let rig = rig_settings::apply(&values, &as_built);
-    let mechanism = Mechanism { table, twist_scale: values.get(Setting::TwistScale), curve: GapCurve::constant(0.0) };
-    let start = mechanism.at(load_n, PI);
-    // Position of the load at the pre-twist, where zero may be another place by the settings. After homing's way down it
-    // hangs with the pull of load less friction.
-    let hangs_m = 0.0 - values.get(Setting::PositionZero);
+    let plan = Plan::new(&scene, values, Some(load_n))?;
+    let (rig, mechanism) = (&plan.rig, plan.mechanism());
     let request = MoveRequest { target_m: to as f32, speed_m_per_s: speed as f32, load }.with_speed_max(&values);
-    MoveStart {
-        mechanism,
-        load_n,
-        friction_n: FRICTION_N,
-        twist_rad: PI,
-        position_m: hangs_m,
-        zero_gap_m: mechanism.at(load_n - FRICTION_N, PI).gap_m + hangs_m,
-        settings: &values,
-    }
-    .check(&request)?;
-    let mut planner = Planner::at(hangs_m);
+    plan.start().check(&request)?;
+    let mut planner = Planner::at(plan.start().position_m);
     planner.go_to(to as f32);
     output.line("    t s   set-point mm   speed mm/s    turns   motor rpm   TR rad/mm")?;
     let (mut tick, mut held_back) = (0u32, None);
     loop {
-        let gap = start.gap_m - (planner.set_point_m() - hangs_m);
-        let twist = table.twist_from_gap(load_n, gap)? / mechanism.twist_scale;
-        let point = mechanism.at(load_n, twist);
+        let (twist, point) = plan.at(planner.set_point_m())?;
         let tr = point.tr_rad_per_m();
-        let (limits, limit) = Limits::for_motor(request.speed_m_per_s, &point, load_n, &rig);
+        let (limits, limit) = Limits::for_motor(request.speed_m_per_s, &point, load_n, rig);
         let rest = mechanism.at(load_n, twist + tr * limits.stopping_m(planner.speed_m_per_s()));
-        let limits = limits.braking_into(&Limits::for_motor(request.speed_m_per_s, &rest, load_n, &rig).0);
+        let limits = limits.braking_into(&Limits::for_motor(request.speed_m_per_s, &rest, load_n, rig).0);
         held_back = held_back.or(limit);
         let s = planner.step(&limits);
         if tick.is_multiple_of(EVERY) || s.done {

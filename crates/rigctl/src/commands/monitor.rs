@@ -10,8 +10,8 @@ use crate::play::play;
 use crate::request::text;
 use crate::screen::Screen;
 use crate::script::Script;
+use crate::session::row::load_text;
 use crate::session::{Place, Session, Wanted};
-use crate::units::N;
 use clap::Args;
 use ratatui::DefaultTerminal;
 use ratatui::crossterm::event::{DisableBracketedPaste, EnableBracketedPaste};
@@ -143,7 +143,10 @@ impl View {
         }
         for (t_s, kind) in session.take_events() {
             let what = match kind {
-                EventKind::Homed(found) => format!("homed: load {}", N.within(found.load_n, found.load_error_n)),
+                EventKind::Homed(found) => {
+                    let end = session.range_end(found.load_n);
+                    format!("homed: load {}", load_text(found.load_n, found.load_error_n, end))
+                }
                 _ => event(&kind),
             };
             self.screen.say(format!("{}  {what}", at(t_s)));

@@ -5,13 +5,16 @@ use crate::failure::Failure;
 use crate::options::Global;
 use crate::options::values::{seconds, speed_or_max, target, twist_speed};
 use crate::output::Output;
+use crate::plan::Plan;
 use crate::request::load_choice;
+use crate::session::row::load_text;
 use crate::session::{Session, Wanted, homing, motion, stream};
 use crate::trajectory::Trajectory;
-use crate::units::{MM, N, PERCENT, RAD_PER_MM, S, TURNS, UM};
+use crate::units::{MM, PERCENT, RAD_PER_MM, S, TURNS, UM};
 use clap::Args;
+use rig_control::move_check::MoveRequest;
 use rig_link::{LoadChoice, Request};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Find zero twist, estimate the load, stop at the half-turn pre-twist
 ///
@@ -71,7 +74,15 @@ impl Move {
         if self.dry_run {
             return dry_run::run(global, self, output);
         }
-        let mut session = connect_homed(global, self.load, output)?;
+        let mut session = global.target()?.connect(Wanted::OfScene)?;
+        if global.is_emulated() {
+            let load_n = if let LoadChoice::Known(load_n) = self.load { Some(load_n) } else { None };
+            let request =
+                MoveRequest { target_m: self.to as f32, speed_m_per_s: self.speed as f32, load: LoadChoice::Auto };
+            let values = session.settings()?.values;
+            Plan::new(&global.scene()?, values, load_n)?.check_move(&request.with_speed_max(&values))?;
+            home_first(&mut session, self.load, output)?;
+        }
         let r = motion::move_to(&mut session, self.to, self.speed, self.load, |_| {})?;
         output.object(&r)?;
         let lines = [
@@ -79,7 +90,7 @@ impl Move {
             ("measured", MM.within(r.position_m, r.position_error_m)),
             ("error", UM.within(r.error_m, r.position_error_m)),
             ("true error", r.true_error_m.map_or(String::new(), |m| UM.rounded(m, r.position_error_m) + " (emulated)")),
-            ("load", N.within(r.load_n, r.load_error_n)),
+            ("load", load_text(r.load_n, r.load_error_n, r.load_at_range_end)),
             (
                 "TR",
                 format!(
@@ -96,26 +107,23 @@ impl Move {
     }
 }
 
-/// Connects to the board. An emulated one starts afresh, and is homed first.
-fn connect_homed(global: &Global, load: LoadChoice, output: &mut Output) -> Result<Session, Failure> {
-    let mut session = global.target()?.connect(Wanted::OfScene)?;
-    if global.is_emulated() {
-        crate::output::say!("the emulated board starts afresh and is not homed: homing first");
-        output.line(homing::home(&mut session, load, |_| {})?.text())?;
-    }
-    Ok(session)
+/// Homes an emulated board, which starts afresh.
+fn home_first(session: &mut Session, load: LoadChoice, output: &mut Output) -> Result<(), Failure> {
+    crate::output::say!("the emulated board starts afresh and is not homed: homing first");
+    Ok(output.line(homing::home(session, load, |_| {})?.text())?)
 }
 
 /// Follow a trajectory from a CSV file
 ///
-/// The file has the columns `t_s`, `position_m` and optionally `speed_m_per_s`; the load first moves to where it begins.
+/// The file has the columns `t_s`, `position_m` and optionally `speed_m_per_s`; the load first moves to where it begins. Range,
+/// speed and acceleration of the whole trajectory are checked before the load moves, and the refusal names the row.
 /// A set-point is sent every 20 ms. The board follows within the motor's limits (`limit` says when they hold it back), and
 /// ends in a hold when the next one is 0.2 s late, out of reach, or half a second of full speed ahead of the load. On an
 /// emulated board it homes first.
 /// Example: `rigctl track scenarios/sine.csv`
 #[derive(Debug, Args)]
 pub struct Track {
-    /// The trajectory
+    /// The trajectory; `-` is standard input
     file: PathBuf,
 }
 
@@ -125,8 +133,27 @@ impl Track {
     /// # Errors
     /// What is wrong with the file, or the board's refusal, or why it ended the stream, in words.
     pub fn run(&self, global: &Global, output: &mut Output) -> Result<(), Failure> {
-        let trajectory = Trajectory::load(&self.file)?;
-        let mut session = connect_homed(global, LoadChoice::Auto, output)?;
+        let (name, trajectory) = if self.file == Path::new("-") {
+            let trajectory = std::io::read_to_string(std::io::stdin()).map_err(|e| e.to_string());
+            let trajectory = trajectory.and_then(|text| Trajectory::parse(&text));
+            let name = "standard input".to_owned();
+            (name.clone(), trajectory.map_err(|e| Failure::failed(format!("{name}: {e}")))?)
+        } else {
+            (format!("trajectory file {}", self.file.display()), Trajectory::load(&self.file)?)
+        };
+        let scene = global.scene()?;
+        let mut session = global.target()?.connect(Wanted::OfScene)?;
+        let values = session.settings()?.values;
+        let possible = |load_n| {
+            let checked = Plan::new(&scene, values, load_n)?.check_trajectory(&trajectory);
+            checked.map_err(|why| Failure::failed(format!("{name}: {why}")))
+        };
+        // What no load can follow is refused before an emulated board is homed; what this one cannot, before it moves further.
+        if global.is_emulated() {
+            possible(None)?;
+            home_first(&mut session, LoadChoice::Auto, output)?;
+        }
+        possible(session.newest_row()?.and_then(|row| row.load_n))?;
         let r = stream::track(&mut session, &trajectory, |_| {})?;
         output.object(&r)?;
         let limit = || format!("motor-speed on {} of the way", PERCENT.show(r.held_back_share));

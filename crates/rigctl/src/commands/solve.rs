@@ -74,6 +74,12 @@ pub struct Solution {
     pub tension_n: f64,
     /// Bending strain at the clamp.
     pub bending_strain: f64,
+    /// Gap between the clamps (m).
+    pub gap_m: f64,
+    /// How far the load sinks for each newton more (m/N).
+    pub dgap_dload_m_per_n: f64,
+    /// Torque on the strings that conserves energy (N m); none where a lighter load has no equilibrium at this twist.
+    pub torque_nm: Option<f64>,
     /// Contraction since the half-turn pre-twist at this load (m).
     pub contraction_m: f64,
     /// How far the load hangs below the free mechanism at the half-turn pre-twist (m).
@@ -183,6 +189,9 @@ pub fn solve(mechanism: &Mechanism, way: Way<'_>, query: Query) -> Result<Soluti
         r_m: e.r_m,
         tension_n: e.tension_n,
         bending_strain: e.bending_strain,
+        gap_m: e.gap_m,
+        dgap_dload_m_per_n: e.dgap_dload_m_per_n,
+        torque_nm: mechanism.conservative_torque_nm(query.load_n, twist_from_turns(query.turns)).ok(),
         contraction_m: start_gap_m - e.gap_m,
         load_sag_m: start_gap_m - mechanism.start_length_m(),
         tr_rad_per_m: tr,

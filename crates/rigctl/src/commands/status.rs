@@ -43,7 +43,8 @@ pub fn of(session: &mut Session, target: &Target, output: &mut Output) -> Result
     let row = rows.pop().ok_or_else(|| Failure::failed("no telemetry from the board"))?;
     let id = session.require_identity()?.clone();
     let (settings, sensors) = (session.settings()?, session.sensors()?);
-    let (counters, faults) = session.telemetry().map(|t| (t.counters, t.faults)).unwrap_or_default();
+    let counters = sensors.counters;
+    let faults = session.telemetry().map(|t| t.faults).unwrap_or_default();
     let (lost, damaged) = (session.link.lost_frames(), session.link.damaged_frames());
     output.object(&json!({
         "rig": target.rig(),

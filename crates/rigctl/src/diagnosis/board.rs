@@ -63,14 +63,15 @@ pub fn checks(id: &Identity, scene: &Scene) -> Result<Vec<Check>, Failure> {
         check(
             "table",
             accurate && covers,
-            table(t),
             format!(
-                "the scene asks for {} and {} over {} and {}: build and flash for it, or `table --board`",
+                "{}; the scene asks for {} and {} over {} and {}",
+                table(t),
                 UM.exact(accuracy.contraction_m),
                 PERCENT.exact(accuracy.tr_relative),
                 N.range(envelope.load_n),
                 TURNS.exact(turns[1])
             ),
+            "build and flash for the scene, or `table --board`",
         ),
     ])
 }
@@ -117,7 +118,7 @@ fn clock(clock: Clock) -> Check {
 fn brown_out(level: u8) -> Check {
     let seen = match level {
         0 => "the reset by a dip of the supply is off".to_owned(),
-        level => format!("reset by a dip of the supply at level {level} of 3"),
+        level => format!("reset by a dip of the supply at level {level}, wanted 3"),
     };
     let advice = "below 2.7 V the chip may do anything, and a dip passes for power-on: set level 3 (docs/tutorial/first-board.md)";
     check("brown-out", level == 3, seen, advice)

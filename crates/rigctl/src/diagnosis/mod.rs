@@ -10,7 +10,7 @@ use crate::session::{Session, homing, motion};
 use crate::units::{A, PERCENT};
 use rig_config::Scene;
 use rig_control::TICK_US;
-use rig_link::{Fault, Faults, LoadChoice, State, Telemetry};
+use rig_link::{Counters, Fault, Faults, LoadChoice, State, Telemetry};
 use serde::Serialize;
 
 /// How long to listen (s).
@@ -19,6 +19,9 @@ const LISTEN_S: f64 = 2.0;
 const START_S: f64 = 10.0;
 /// Fraction of a tick's period that the longest tick may take.
 const TICK_FRACTION: f64 = 0.5;
+
+/// Minimum rate of the telemetry (Hz).
+const RATE_HZ: f64 = 95.0;
 
 /// One check, with its result.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -88,7 +91,7 @@ pub fn examine(session: &mut Session, scene: &Scene, turn: bool, home: bool) -> 
     let readings = session.sensors()?;
     all.push(sensors::encoder(turned, &last, &readings));
     all.push(sensors::supply(&last, scene, &readings));
-    all.extend(timing(&last, session, messages));
+    all.extend(timing(&readings.counters, session, messages));
     Ok(all)
 }
 
@@ -117,7 +120,7 @@ fn drive(heard: &[Telemetry], scene: &Scene) -> Check {
     let max_a = heard.iter().map(|t| f64::from(t.drive_current_a).abs()).fold(0.0, f64::max);
     let limit_a = f64::from(scene.rig.drive_current_limit_ma()) * 1e-3;
     let online_text = if online { "online" } else { "not online" };
-    let seen = format!("{online_text}, at most {} of {}", A.rounded(max_a, 10e-3), A.exact(limit_a));
+    let seen = format!("{online_text}, at most {}, allowed below {}", A.rounded(max_a, 10e-3), A.exact(limit_a));
     let advice = if online {
         "the motor is at its current limit at rest: is the load too heavy, or stuck?"
     } else {
@@ -127,8 +130,7 @@ fn drive(heard: &[Telemetry], scene: &Scene) -> Check {
 }
 
 /// Control ticks and link.
-fn timing(last: &Telemetry, session: &Session, messages: usize) -> [Check; 2] {
-    let c = last.counters;
+fn timing(c: &Counters, session: &Session, messages: usize) -> [Check; 2] {
     let fraction = f64::from(c.longest_tick_us) / TICK_US as f64;
     let rate_hz = messages as f64 / LISTEN_S;
     let damaged = session.link.damaged_frames();
@@ -138,19 +140,20 @@ fn timing(last: &Telemetry, session: &Session, messages: usize) -> [Check; 2] {
             "ticks",
             c.late_ticks == 0 && fraction < TICK_FRACTION,
             format!(
-                "{} late; the longest took {} µs of {TICK_US} µs, margin {}",
+                "{} late, allowed 0; the longest took {} µs of {TICK_US} µs, margin {}, allowed above {}",
                 c.late_ticks,
                 c.longest_tick_us,
-                PERCENT.rounded(1.0 - fraction, 0.1)
+                PERCENT.rounded(1.0 - fraction, 0.1),
+                PERCENT.exact(1.0 - TICK_FRACTION)
             ),
             "the core is held up: a debugger halting it, a build without optimisation? Then power-cycle to count from zero",
         ),
         check(
             "link",
-            rate_hz > 95.0 && c.link_errors == 0 && damaged == 0 && lost == 0 && c.unsent == 0,
+            rate_hz > RATE_HZ && c.link_errors == 0 && damaged == 0 && lost == 0 && c.unsent == 0,
             format!(
-                "telemetry at {rate_hz:.0} Hz; damaged {} at the board, {damaged} here; {lost} lost, {} unsent; {} foreign \
-                 frames on the bus",
+                "telemetry at {rate_hz:.0} Hz, allowed above {RATE_HZ}; damaged {} at the board, {damaged} here; {lost} lost, {} \
+                 unsent, allowed 0 of each; {} foreign frames on the bus",
                 c.link_errors, c.unsent, c.foreign_frames
             ),
             "cable, ground and baud rate of the host link; another program on the port?",

@@ -6,7 +6,7 @@ use crate::lvdt_points::GAP_M;
 use crate::session::Session;
 use crate::session::row::Row;
 use crate::statistics::{Errors, mean};
-use crate::units::{MM, RAD, UM, V};
+use crate::units::{MM, PERCENT, RAD, UM, V};
 use rig_config::Scene;
 use rig_link::{Fault, Faults, Identity, Request, Sensors, Setting, State, Telemetry};
 
@@ -19,6 +19,8 @@ const OUTSIDE_M: f64 = 2e-3;
 const GAP_OUTSIDE_M: f64 = 10e-3;
 /// Speed (rad/s) and time (s) of the turn that compares encoder and drive.
 const TURN: (f32, f64) = (2.0, 1.0);
+/// Minimum turn that the encoder shows (rad).
+const TURN_RAD: f64 = 0.5;
 /// Fraction by which encoder and drive may differ over that turn: the drive's speed has a coarse resolution.
 const TURN_FRACTION: f64 = 0.1;
 
@@ -54,6 +56,7 @@ pub fn lvdt(heard: &[Telemetry], id: &Identity, scene: &Scene, session: &mut Ses
     let noisy =
         "a healthy block has a few micrometres: screen, ground and supply of the LVDT; does the load oscillate?";
     let quiet = |rms: f64| rms > 0.0 && rms < NOISE_M;
+    let noise = |rms: f64| format!("{} rms (allowed: above 0, below {})", UM.error(rms), UM.exact(NOISE_M));
     let mechanism = scene.mechanism()?;
     let [low, high] = scene.table_requirement()?.0.twist_rad();
     let [min_n, max_n] = [id.table.load_min_n, id.table.load_max_n].map(f64::from);
@@ -76,10 +79,11 @@ pub fn lvdt(heard: &[Telemetry], id: &Identity, scene: &Scene, session: &mut Ses
         let (min, max) = (mechanism.solve(min_n, high)?.gap_m, mechanism.solve(max_n, low)?.gap_m);
         let inside = (min - GAP_OUTSIDE_M..=max + GAP_OUTSIDE_M).contains(&mean);
         let seen = format!(
-            "gap {} (strings make {}), noise {} rms; its position is judged on a homed actuator (--home)",
+            "gap {} (strings make {}, allowed are {} more each way), noise {}; its position is judged on a homed actuator (--home)",
             MM.rounded(mean, GAP_M),
             MM.range([min, max]),
-            UM.error(rms)
+            MM.exact(GAP_OUTSIDE_M),
+            noise(rms)
         );
         let advice =
             if inside { noisy } else { "measure the gap with callipers, then `calibrate lvdt`; is it the scene's?" };
@@ -89,7 +93,13 @@ pub fn lvdt(heard: &[Telemetry], id: &Identity, scene: &Scene, session: &mut Ses
     // The least load is lifted farthest.
     let travel_m = mechanism.solve(min_n, low)?.gap_m - mechanism.solve(min_n, high)?.gap_m;
     let inside = (-OUTSIDE_M..=travel_m + OUTSIDE_M).contains(&mean);
-    let seen = format!("at {} of 0 to {}, noise {} rms", MM.rounded(mean, GAP_M), MM.show(travel_m), UM.error(rms));
+    let seen = format!(
+        "at {} of 0 to {} (allowed are {} more each way), noise {}",
+        MM.rounded(mean, GAP_M),
+        MM.show(travel_m),
+        MM.exact(OUTSIDE_M),
+        noise(rms)
+    );
     let advice = if inside {
         noisy
     } else {
@@ -136,8 +146,14 @@ pub fn encoder(turned: Option<[f64; 2]>, last: &Telemetry, sensors: &Sensors) ->
             format!("at {}, no fault; compared with the drive while it turns (--home)", RAD.show(sensors.shaft_rad));
         return check("encoder", true, seen, "");
     };
-    let seen = format!("turned {} by the encoder, {} by the drive", RAD.show(own), RAD.show(motor));
-    check("encoder", own > 0.5 && (motor - own).abs() < TURN_FRACTION * own, seen, advice)
+    let seen = format!(
+        "turned {} by the encoder (at least {}), {} by the drive (within {})",
+        RAD.show(own),
+        RAD.exact(TURN_RAD),
+        RAD.show(motor),
+        PERCENT.exact(TURN_FRACTION)
+    );
+    check("encoder", own > TURN_RAD && (motor - own).abs() < TURN_FRACTION * own, seen, advice)
 }
 
 /// The drive's supply.

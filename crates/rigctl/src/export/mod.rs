@@ -11,7 +11,7 @@ use clap::ValueEnum;
 use std::collections::HashSet;
 
 /// The columns that hold words; all others hold finite numbers. An empty cell is not known.
-pub const WORDS: [&str; 6] = ["state", "fault", "faults", "limit", "doubts", "homing_failure"];
+pub const WORDS: [&str; 7] = ["state", "fault", "faults", "limit", "doubts", "load_at_range_end", "homing_failure"];
 /// Times that every format can hold, as nanoseconds in 64 bits (s): 30 years.
 const TIMES_S: std::ops::RangeInclusive<f64> = 0.0..=1e9;
 
@@ -109,7 +109,7 @@ impl Format {
 mod tests {
     use super::*;
     use crate::fixtures;
-    use crate::session::row::Row;
+    use crate::session::row::{RangeEnd, Row};
     use rig_link::{Fault, HomingFailure, Limit};
 
     const LOG: &str = "# format = tsa-log 1\n# seed = 3\nt_s,state,position_m,twist_rad,limit,new_one\n\
@@ -137,6 +137,7 @@ mod tests {
         let mut row = Row::new(0.0, &fixtures::telemetry(0), None, None);
         (row.fault, row.faults, row.limit) = (Some(Fault::Supply), Some("x y".into()), Some(Limit::Travel));
         (row.doubts, row.homing_failure) = (Some("x y".into()), Some(HomingFailure::Stopped));
+        row.load_at_range_end = Some(RangeEnd::Low);
         let serde_json::Value::Object(row) = serde_json::to_value(&row).expect("an object") else { panic!() };
         let words: Vec<&str> = row.iter().filter(|(_, v)| v.is_string()).map(|(name, _)| name.as_str()).collect();
         assert!(words.iter().all(|word| WORDS.contains(word)) && words.len() == WORDS.len(), "{words:?}");

@@ -210,6 +210,8 @@ mod tests {
         let Mark::Homed(found) = log.marks[1].mark else { panic!("{:?}", log.marks[1]) };
         assert_eq!((found.load_n, found.load_error_n, found.curve.coefficients_m[0]), (4.9, 0.25, 0.0001));
         assert_eq!(log.rows[1].load_error_n, None, "written before errors were stated");
+        let raw = |row: &Row| (row.gap_m, row.encoder_rad, row.supply_v, row.load_at_range_end);
+        assert_eq!(raw(&log.rows[1]), (None, None, None, None), "written before these columns were there");
         assert!(matches!(log.marks[0].mark, Mark::Request(Request::Move { target_m: 0.008, .. })));
     }
 

@@ -2,7 +2,7 @@
 
 use super::interrupt;
 use super::link::{Link, Port, STEP_S};
-use super::row::{Entry, Row, TruthRecords};
+use super::row::{Entry, RangeEnd, Row, TruthRecords};
 use super::silence::Hearing;
 use super::sim::Sim;
 use crate::failure::{BrokenOff, Failure, Why};
@@ -123,6 +123,11 @@ impl Session {
     /// If the board has not been greeted.
     pub fn require_identity(&self) -> Result<&Identity, Failure> {
         self.identity().ok_or_else(|| Failure::failed("the board did not send its identity"))
+    }
+
+    /// The end of the table's range that a load (N) stands at, by the board's identity.
+    pub fn range_end(&self, load_n: f32) -> Option<RangeEnd> {
+        RangeEnd::of(load_n, &self.identity.as_ref()?.table)
     }
 
     /// The newest report of the board's settings.
@@ -313,6 +318,7 @@ impl Session {
         let zero_gap_m = self.truth.home_gap_m().map(|gap_m| gap_m - zero_m);
         let mut row = Row::new(t_s, &telemetry, self.truth.at(t_s).as_ref(), zero_gap_m);
         row.homing_failure = self.homing_failure;
+        row.load_at_range_end = row.load_n.and_then(|load_n| self.range_end(load_n));
         self.note(|| Entry::Row(row.clone()));
         self.rows.push_back(row);
         self.last = Some(telemetry);

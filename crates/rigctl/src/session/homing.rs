@@ -2,7 +2,7 @@
 
 use super::client::Session;
 use super::motion::ended;
-use super::row::Row;
+use super::row::{RangeEnd, Row, load_text};
 use crate::failure::Failure;
 use crate::output::progress;
 use crate::units::{N, RAD, S};
@@ -20,9 +20,8 @@ pub struct HomeResult {
     pub duration_s: f64,
     /// Estimated load (N).
     pub load_n: f32,
-    /// `at-least` or `at-most` where the estimate stands at the end of the table's range: the load may be beyond it.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub load_bound: Option<&'static str>,
+    /// The end of the table's range that the estimate stands at: the load may be beyond it.
+    pub load_at_range_end: Option<RangeEnd>,
     /// Half the width of the interval around `load_n` that holds the true load in 90 of 100 cases (N).
     pub load_error_n: f32,
     /// Coulomb friction of the rail (N).
@@ -39,27 +38,10 @@ impl HomeResult {
         format!(
             "homed in {}: load {}, friction {}, zero twist ± {}",
             S.show(self.duration_s),
-            load_text(self.load_n, self.load_error_n, self.load_bound),
+            load_text(self.load_n, self.load_error_n, self.load_at_range_end),
             N.show(self.friction_n),
             RAD.error(self.zero_error_rad)
         )
-    }
-}
-
-/// A load with its error; at the end of the table's range as a bound, because the load may be beyond it.
-pub fn load_text(load_n: f32, load_error_n: f32, bound: Option<&str>) -> String {
-    match bound {
-        Some(bound) => format!("{} {} (end of the table's range)", bound.replace('-', " "), N.show(load_n)),
-        None => N.within(load_n, load_error_n),
-    }
-}
-
-/// Which bound a load (N) is that stands at an end of a table's range (N).
-pub fn bound(load_n: f32, [min_n, max_n]: [f32; 2]) -> Option<&'static str> {
-    match load_n {
-        n if n >= max_n => Some("at-least"),
-        n if n <= min_n => Some("at-most"),
-        _ => None,
     }
 }
 
@@ -82,9 +64,7 @@ pub fn home(session: &mut Session, load: LoadChoice, mut each: impl FnMut(&Row))
             return Ok(HomeResult {
                 duration_s: t_s - start_s,
                 load_n: found.load_n,
-                load_bound: session
-                    .identity()
-                    .and_then(|id| bound(found.load_n, [id.table.load_min_n, id.table.load_max_n])),
+                load_at_range_end: session.range_end(found.load_n),
                 load_error_n: found.load_error_n,
                 friction_n: found.friction_n,
                 zero_error_rad: found.zero_error_rad,
@@ -99,15 +79,6 @@ pub fn home(session: &mut Session, load: LoadChoice, mut each: impl FnMut(&Row))
 mod tests {
     use super::*;
 
-    #[test]
-    fn a_load_at_the_end_of_the_range_is_a_bound() {
-        let range_n = [0.75, 18.0];
-        assert_eq!(
-            [0.75, 0.76, 17.99, 18.0].map(|n| bound(n, range_n)),
-            [Some("at-most"), None, None, Some("at-least")]
-        );
-        assert_eq!(load_text(18.0, 2.0, Some("at-least")), "at least 18.00 N (end of the table's range)");
-    }
     use crate::fixtures::telemetry;
     use crate::session::link::Port;
     use rig_link::messages::GapCurve;

@@ -2,7 +2,7 @@
 
 use super::client::Session;
 use super::link::STEP_S;
-use super::row::Row;
+use super::row::{RangeEnd, Row};
 use crate::failure::{Failure, HomingFailed};
 use crate::output::progress;
 use crate::units::{MM, TURNS_OF_RAD, UM};
@@ -113,6 +113,8 @@ pub struct MoveResult {
     pub load_n: f64,
     /// Half the width of the interval around `load_n` that holds the true load in 90 of 100 cases (N).
     pub load_error_n: Option<f32>,
+    /// The end of the table's range that `load_n` stands at.
+    pub load_at_range_end: Option<RangeEnd>,
     /// TR at the start (rad/m).
     pub tr_start_rad_per_m: f64,
     /// TR at the end (rad/m).
@@ -224,6 +226,7 @@ fn settle(
         position_error_m: last.position_error_m,
         load_n: number(last.load_n),
         load_error_n: last.load_error_n,
+        load_at_range_end: last.load_at_range_end,
         tr_start_rad_per_m: number(before.tr_rad_per_m),
         tr_end_rad_per_m: number(last.tr_rad_per_m),
         turns: (number(last.twist_rad) - number(before.twist_rad)) / std::f64::consts::TAU,

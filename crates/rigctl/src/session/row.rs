@@ -2,8 +2,8 @@
 //! time.
 
 use crate::output::at;
-use crate::units::{MM, N, RAD_PER_MM};
-use rig_link::{EventKind, Fault, HomingFailure, Limit, Request, State, Telemetry};
+use crate::units::{MM, N, RAD_PER_MM, Value};
+use rig_link::{EventKind, Fault, HomingFailure, Limit, Request, State, TableIdentity, Telemetry};
 use rig_plant::Truth;
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
@@ -20,6 +20,36 @@ pub enum Entry {
     Event(f64, EventKind),
     /// Telemetry.
     Row(Row),
+}
+
+/// An end of the range of loads that a table covers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum RangeEnd {
+    /// The lightest load: the true one is at most that.
+    Low,
+    /// The heaviest load: the true one is at least that.
+    High,
+}
+
+impl RangeEnd {
+    /// The end of a table's range that an estimate (N) stands at, if it stands at one.
+    pub fn of(load_n: f32, table: &TableIdentity) -> Option<Self> {
+        match load_n {
+            n if n >= table.load_max_n => Some(Self::High),
+            n if n <= table.load_min_n => Some(Self::Low),
+            _ => None,
+        }
+    }
+}
+
+/// A load (N) with its error; at the end of the table's range as a bound, because the load may be beyond it.
+pub fn load_text(load_n: impl Value, load_error_n: impl Value, end: Option<RangeEnd>) -> String {
+    match end {
+        Some(RangeEnd::Low) => format!("at most {} (end of the table's range)", N.show(load_n)),
+        Some(RangeEnd::High) => format!("at least {} (end of the table's range)", N.show(load_n)),
+        None => N.within(load_n, load_error_n),
+    }
 }
 
 /// Keys and order of the host tool's contract, in JSON and as the columns of a log. SI units; `None` is null, or an empty cell.
@@ -49,6 +79,8 @@ pub struct Row {
     pub load_n: Option<f32>,
     /// Half the width of the interval around `load_n` that holds the true load in 90 of 100 cases.
     pub load_error_n: Option<f32>,
+    /// The end of the table's range that `load_n` stands at: the true load may be beyond it.
+    pub load_at_range_end: Option<RangeEnd>,
     /// The same of `position_m`.
     pub position_error_m: Option<f32>,
     /// Transmission ratio at this twist and load.
@@ -59,6 +91,12 @@ pub struct Row {
     /// Speed of the motor shaft as the drive reports it.
     #[serde(default)]
     pub drive_speed_rad_per_s: f32,
+    /// Gap by the LVDT, homed or not.
+    pub gap_m: Option<f32>,
+    /// Rotation of the strings since boot by the own encoder; older logs do not have it.
+    pub encoder_rad: Option<f32>,
+    /// Supply of the drive.
+    pub supply_v: Option<f32>,
     /// Time until the set-point is at its target.
     pub time_left_s: Option<f32>,
     /// Learned scale of the twist.
@@ -91,10 +129,14 @@ impl Row {
             twist_rad: telemetry.twist_rad,
             load_n: telemetry.load_n,
             load_error_n: telemetry.load_error_n,
+            load_at_range_end: None,
             position_error_m: telemetry.position_error_m,
             tr_rad_per_m: telemetry.tr_rad_per_m,
             drive_current_a: telemetry.drive_current_a,
             drive_speed_rad_per_s: telemetry.drive_speed_rad_per_s,
+            gap_m: telemetry.gap_m,
+            encoder_rad: Some(telemetry.shaft_rad),
+            supply_v: telemetry.supply_v,
             time_left_s: telemetry.time_left_s,
             twist_scale: telemetry.twist_scale,
             homing_failure: None,
@@ -115,7 +157,7 @@ impl Row {
             MM.within(self.position_m, self.position_error_m),
             truth.unwrap_or_default(),
             MM.show(self.setpoint_m),
-            N.within(self.load_n, self.load_error_n),
+            load_text(self.load_n, self.load_error_n, self.load_at_range_end),
             RAD_PER_MM.show(self.tr_rad_per_m),
             self.faults.as_ref().map_or(String::new(), |f| format!("  FAULT {f}")),
             self.limit.map_or(String::new(), |l| format!("  limit {l}")),
@@ -164,5 +206,31 @@ impl TruthRecords {
     /// The true gap (m) when the rig was homed.
     pub fn home_gap_m(&self) -> Option<f64> {
         self.home_gap_m
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fixtures::{identity, telemetry};
+
+    #[test]
+    fn a_load_at_the_end_of_the_range_is_a_bound() {
+        let table = TableIdentity { load_min_n: 0.75, load_max_n: 18.0, ..identity("abcdef0").table };
+        let ends = [0.75, 0.76, 17.99, 18.0].map(|n| RangeEnd::of(n, &table));
+        assert_eq!(ends, [Some(RangeEnd::Low), None, None, Some(RangeEnd::High)]);
+        let heavy = Telemetry { load_n: Some(18.0), load_error_n: Some(2.0), ..telemetry(0) };
+        let row = Row { load_at_range_end: ends[3], ..Row::new(0.0, &heavy, None, None) };
+        assert!(row.text().contains("load at least 18.00 N (end of the table's range)"), "{}", row.text());
+        assert_eq!(serde_json::to_value(&row).expect("JSON")["load_at_range_end"], "high");
+    }
+
+    #[test]
+    fn a_row_has_the_raw_signals() {
+        let raw = Telemetry { gap_m: Some(0.09), shaft_rad: -1.5, supply_v: Some(24.0), ..telemetry(0) };
+        let row = serde_json::to_value(Row::new(0.0, &raw, None, None)).expect("JSON");
+        assert_eq!((&row["encoder_rad"], &row["supply_v"]), (&(-1.5).into(), &24.0.into()));
+        assert!(row["gap_m"].as_f64().is_some_and(|gap_m| (gap_m - 0.09).abs() < 1e-6), "{row}");
+        assert!(row["load_at_range_end"].is_null());
     }
 }

@@ -33,7 +33,13 @@ fn solve_agrees_with_the_reference_and_has_its_keys() {
         assert_eq!(object["tier"], "full");
         assert!(object["warnings"].is_array() && object["effort"]["evaluations"].as_u64().unwrap() > 0);
         assert_eq!(object["tier_error"]["contraction_m"], 0.0);
-        assert_eq!(object.as_object().unwrap().len(), columns.len() + 5);
+        assert_eq!(object.as_object().unwrap().len(), columns.len() + 8);
+        let number = |key: &str| object[key].as_f64().unwrap_or_else(|| panic!("{key} in {object}"));
+        // The gap is that between the attachments, X, and both rods' deflections.
+        assert!((number("gap_m") - number("X_m") - 2.0 * number("w_m")).abs() < 1e-3, "{object}");
+        assert!(number("dgap_dload_m_per_n") > 0.0, "{object}");
+        // Far twisted, a light load has no equilibrium, and so no energy is known.
+        assert!(object["torque_nm"].as_f64().map_or(number("turns") > 4.0, |torque_nm| torque_nm >= 0.0), "{object}");
     }
 }
 

@@ -2,11 +2,12 @@
 
 use crate::common::{desktop, error_of, file, folder, lines, rigctl, root, text};
 use serde_json::Value;
-use std::process::Output;
+use std::io::Write;
+use std::process::{Command, Output, Stdio};
 
 const KEYS: &str = "t_s state fault limit doubts target_m setpoint_m position_m twist_rad load_n load_error_n \
                     position_error_m tr_rad_per_m drive_current_a drive_speed_rad_per_s true_position_m true_twist_rad \
-                    true_load_n string_tension_n";
+                    true_load_n string_tension_n gap_m encoder_rad supply_v load_at_range_end";
 
 #[test]
 fn a_script_plays() {
@@ -92,6 +93,16 @@ fn the_rig_is_named_drawn_from_the_seed_and_nominal_where_none_is_named() {
         assert_eq!(wrong.status.code(), Some(2), "{arguments:?}: {}", error_of(&wrong));
         assert!(error_of(&wrong).contains(named), "{arguments:?}: {}", error_of(&wrong));
     }
+}
+
+#[test]
+fn a_trajectory_may_come_from_standard_input() {
+    let mut tool = Command::new(env!("CARGO_BIN_EXE_rigctl"));
+    let mut tool = tool.args(["track", "-"]).stdin(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("it starts");
+    tool.stdin.take().expect("piped").write_all(b"t_s,position_m\n0,0.001\n1,x\n").expect("written");
+    let refused = tool.wait_with_output().expect("it ends");
+    assert_eq!(refused.status.code(), Some(1));
+    assert!(error_of(&refused).contains("standard input: line 3: position_m `x`"), "{}", error_of(&refused));
 }
 
 #[test]
@@ -197,6 +208,18 @@ fn the_dry_run_refuses_what_the_board_refuses() {
         let refused = rigctl(&[&travel[..], plan].concat());
         assert_eq!(refused.status.code(), Some(1), "{plan:?}");
         assert!(error_of(&refused).contains("target is 0.0348 m, allowed are 0"), "{plan:?}: {}", error_of(&refused));
+    }
+    // Without homing, where it is sure.
+    let far = file("far.csv");
+    std::fs::write(&far, "t_s,position_m\n0,0.001\n5,0.002\n90,0.1\n").expect("written");
+    for (arguments, named) in [
+        (&["move", "--to", "100mm"][..], "target is 0.1 m, allowed are 0"),
+        (&["track", text(&far)], "far.csv: line 4: target is 0.1 m"),
+    ] {
+        let refused = rigctl(arguments);
+        assert_eq!(refused.status.code(), Some(1), "{arguments:?}");
+        let said = error_of(&refused);
+        assert!(said.contains(named) && !said.contains("homing first"), "{arguments:?}: {said}");
     }
     let possible = rigctl(&["move", "--to", "34mm", "--load", "1N", "--dry-run"]);
     assert!(possible.status.success(), "{}", error_of(&possible));

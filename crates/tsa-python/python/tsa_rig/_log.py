@@ -10,7 +10,7 @@ from ._errors import of_kind, wrong
 
 FORMAT = "# format = tsa-log"
 END = "# end rows = "
-WORDS = frozenset({"state", "fault", "faults", "limit", "doubts", "homing_failure"})
+WORDS = frozenset({"state", "fault", "faults", "limit", "doubts", "load_at_range_end", "homing_failure"})
 
 
 def read_log(path: str | PathLike[str]) -> dict[str, NDArray[np.float64] | NDArray[np.object_]]:
