@@ -2,9 +2,9 @@
 
 use crate::csv_text::columns;
 use crate::failure::{ErrorBody, Failure};
-use crate::options::values::{load, turns};
+use crate::options::values::{load, of};
 use crate::output::Output;
-use crate::units::NUMBER;
+use crate::units::{NUMBER, Quantity};
 use clap::Args;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -31,7 +31,7 @@ pub struct At {
         required_unless_present = "batch", conflicts_with = "batch")]
     pub load: Option<f64>,
     /// Turns past the half-turn pre-twist
-    #[arg(long, value_name = "T", allow_hyphen_values = true, value_parser = turns,
+    #[arg(long, value_name = "T", allow_hyphen_values = true, value_parser = of("turns", Quantity::Turns),
         required_unless_present = "batch", conflicts_with = "batch")]
     pub turns: Option<f64>,
     /// A CSV file with the columns load_n and turns
@@ -64,18 +64,26 @@ fn parse(text: &str) -> Result<Vec<Result<Query, RowError>>, String> {
     Ok(columns(text, ["load_n", "turns"])?.into_iter().map(|(_, row)| query(row)).collect())
 }
 
+impl At {
+    /// The one point, if no file is named: the command line has seen to it that there is either.
+    pub fn one(&self) -> Option<Query> {
+        self.load.zip(self.turns).map(|(load_n, turns)| Query { load_n, turns })
+    }
+}
+
 /// Answers every row of a file under a heading, a `line` each for people. Where a row fails, the others are answered all the
 /// same.
 ///
 /// # Errors
 /// If the file cannot be read or lacks a column; if a row failed, but with `--json` only if all of them did.
 pub fn answer<T: Serialize>(
-    path: &Path,
+    at: &At,
     output: &mut Output,
     heading: &str,
     solve: impl Fn(Query) -> Result<T, RowError>,
     line: impl Fn(&T) -> String,
 ) -> Result<(), Failure> {
+    let path = at.batch.as_deref().unwrap_or(Path::new(""));
     let queries = read(path)?;
     output.line(heading)?;
     let (rows, mut failed) = (queries.len(), 0);
@@ -106,7 +114,8 @@ pub fn answer<T: Serialize>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fixtures::Shown;
+    use std::io::{self, Write};
+    use std::sync::{Arc, Mutex};
 
     #[test]
     fn columns_by_name_and_bad_rows_in_place() {
@@ -127,16 +136,39 @@ mod tests {
             assert!(parse(text).unwrap_err().contains(named), "{text}");
         }
     }
+    /// A sink, and what has been written to it.
+    #[derive(Clone, Default)]
+    struct Shown(Arc<Mutex<Vec<u8>>>);
+
+    impl Shown {
+        /// What has been written.
+        fn text(&self) -> String {
+            String::from_utf8_lossy(&self.0.lock().expect("whole")).into_owned()
+        }
+    }
+
+    impl Write for Shown {
+        fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+            self.0.lock().expect("whole").extend_from_slice(bytes);
+            Ok(bytes.len())
+        }
+
+        fn flush(&mut self) -> io::Result<()> {
+            Ok(())
+        }
+    }
+
     #[test]
     fn a_failed_row_is_a_line_for_people_and_fails_the_command() {
         let file = std::env::temp_dir().join(format!("rigctl-batch-{}.csv", std::process::id()));
         std::fs::write(&file, "load_n,turns\n4.9,2\n0,1\nx,1\n").expect("written");
+        let at = At { load: None, turns: None, batch: Some(file.clone()) };
         let run = |json: bool| {
             let shown = Shown::default();
             let solve = |q: Query| {
                 if q.load_n > 0.0 { Ok(q.turns) } else { Err(RowError::new("slack", "a slack string")) }
             };
-            let ended = answer(&file, &mut Output::new(json, Box::new(shown.clone())), "heading", solve, |turns| {
+            let ended = answer(&at, &mut Output::new(json, Box::new(shown.clone())), "heading", solve, |turns| {
                 format!("{turns} turns")
             });
             (ended.map_err(|failure| failure.message().unwrap_or_default()), shown.text())

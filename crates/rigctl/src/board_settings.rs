@@ -1,11 +1,12 @@
 //! The board's settings as text: names and values that the operator types, and lines for people.
 
 use crate::lvdt_points;
-use crate::output::decimal;
+use crate::output::{Output, decimal};
 use crate::session::Session;
 use crate::units::{self, Quantity};
 use rig_link::{CorrectedConstants, Dropped, Fault, Kept, Setting, SettingValues, SettingsReport};
 use serde_json::{Value, json};
+use std::io;
 
 /// The setting of this name.
 ///
@@ -163,17 +164,18 @@ pub fn summary(report: &SettingsReport) -> Vec<String> {
     lines
 }
 
-/// What the operator has to do after a change. `lasts`: the board has flash that outlives this call of the tool.
-pub fn next_steps(session: &Session, lasts: bool, unhomed: bool) -> Vec<&'static str> {
-    let mut lines = Vec::new();
-    if !lasts {
-        lines.push("nothing of this lasts: without --flash FILE each call has a new emulated board");
-    }
-    if unhomed {
-        lines.push("the position is not known any more: `rigctl home` before the next move");
-    }
-    if session.telemetry().is_some_and(|t| t.fault == Some(Fault::SettingsCorrupt)) {
-        lines.push("fault settings-corrupt is still latched: check the settings, then `rigctl clear`");
-    }
-    lines
+/// Prints what the operator has to do after a change. `lasts`: the board has flash that outlives this call of the tool.
+///
+/// # Errors
+/// If the output fails.
+pub fn next_steps(session: &Session, lasts: bool, unhomed: bool, output: &mut Output) -> io::Result<()> {
+    let corrupt = session.telemetry().is_some_and(|t| t.fault == Some(Fault::SettingsCorrupt));
+    [
+        (!lasts, "nothing of this lasts: without --flash FILE each call has a new emulated board"),
+        (unhomed, "the position is not known any more: `rigctl home` before the next move"),
+        (corrupt, "fault settings-corrupt is still latched: check the settings, then `rigctl clear`"),
+    ]
+    .iter()
+    .filter(|(holds, _)| *holds)
+    .try_for_each(|(_, line)| output.line(line))
 }

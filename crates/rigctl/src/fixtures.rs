@@ -1,7 +1,6 @@
-//! Messages of a board, and a sink, for tests.
+//! Messages of a board, for tests.
 
 use rig_link::{Clock, Doubts, Faults, Identity, PROTOCOL_HASH, ResetCause, State, TableIdentity, Telemetry};
-use std::sync::{Arc, Mutex};
 
 /// The identity of a board of this version, with an image of this git id.
 pub fn identity(git: &str) -> Identity {
@@ -55,27 +54,5 @@ pub fn telemetry(t_us: u64) -> Telemetry {
         gap_m: None,
         shaft_rad: 0.0,
         supply_v: None,
-    }
-}
-
-/// A sink, and what has been written to it.
-#[derive(Clone, Default)]
-pub struct Shown(Arc<Mutex<Vec<u8>>>);
-
-impl Shown {
-    /// What has been written.
-    pub fn text(&self) -> String {
-        String::from_utf8_lossy(&self.0.lock().expect("whole")).into_owned()
-    }
-}
-
-impl std::io::Write for Shown {
-    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
-        self.0.lock().expect("whole").extend_from_slice(bytes);
-        Ok(bytes.len())
-    }
-
-    fn flush(&mut self) -> std::io::Result<()> {
-        Ok(())
     }
 }

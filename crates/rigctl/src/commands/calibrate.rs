@@ -1,13 +1,14 @@
 //! `calibrate`: the LVDT against callipers, and where position 0 is.
 
+use super::motion::home_first;
 use crate::board_settings::{self, all};
 use crate::failure::Failure;
 use crate::lvdt_points::{self, APART_M, GAP_M, Point, corrected, fit, uncalibrated};
 use crate::options::Global;
-use crate::options::values::{gap, gauge_error};
+use crate::options::values::{self, gauge_error};
 use crate::output::{Output, decimal};
-use crate::session::{Session, Wanted, homing};
-use crate::units::{MM, NUMBER};
+use crate::session::{Session, Wanted};
+use crate::units::{MM, NUMBER, Quantity};
 use clap::Subcommand;
 use rig_config::RigConfig;
 use rig_link::{LoadChoice, LvdtCurve, Request, Setting, SettingValues};
@@ -24,7 +25,7 @@ pub enum Calibrate {
     /// or by up to 11 gaps in a file. Without options it only prints the reading
     Lvdt {
         /// The true gap now (m, mm)
-        #[arg(long, value_name = "GAP", value_parser = gap)]
+        #[arg(long, value_name = "GAP", value_parser = values::of("gap", Quantity::Length))]
         gap: Option<f64>,
         /// A gap that was measured before (m, mm), and the uncalibrated reading of the sensor there: the first call prints both
         #[arg(long, value_name = "GAP:SENSOR", requires = "gap")]
@@ -58,8 +59,7 @@ pub fn run(global: &Global, what: &Calibrate, output: &mut Output) -> Result<(),
     let mut session = global.target()?.connect(Wanted::OfScene)?;
     session.wait_started()?;
     if matches!(what, Calibrate::Zero) && global.is_emulated() {
-        crate::output::say!("the emulated board starts afresh and is not homed: homing first");
-        output.line(homing::home(&mut session, LoadChoice::Auto, |_| {})?.text())?;
+        home_first(&mut session, LoadChoice::Auto, output)?;
     }
     of(&mut session, &scene.rig, what, global.flash_lasts(), output)
 }
@@ -143,7 +143,7 @@ fn lvdt(
             MM.number(sensor_m, GAP_M)
         ))?;
     }
-    next_steps(session, lasts, unhomed, output)
+    Ok(board_settings::next_steps(session, lasts, unhomed, output)?)
 }
 
 /// Stores points, or forgets them.
@@ -174,17 +174,12 @@ fn points(session: &mut Session, curve: Option<LvdtCurve>, lasts: bool, output: 
         shown(before_m),
         shown(after_m)
     ))?;
-    next_steps(session, lasts, unhomed, output)
+    Ok(board_settings::next_steps(session, lasts, unhomed, output)?)
 }
 
 /// A gap for people, as far as the sensor resolves it.
 fn shown(gap_m: f64) -> String {
     MM.rounded(gap_m, GAP_M)
-}
-
-fn next_steps(session: &Session, lasts: bool, unhomed: bool, output: &mut Output) -> Result<(), Failure> {
-    let next = board_settings::next_steps(session, lasts, unhomed);
-    Ok(next.iter().try_for_each(|line| output.line(line))?)
 }
 
 fn position(session: &mut Session) -> Result<f64, Failure> {

@@ -121,8 +121,7 @@ fn set(session: &mut Session, setting: Setting, text: &str, lasts: bool, output:
         "before": decimal(before),
         "kept": true, "unhomed": unhomed}))?;
     output.line(format!("{setting}: {} -> {}, kept in flash", setting.show(before), setting.show(value)))?;
-    let next = board_settings::next_steps(session, lasts, unhomed);
-    Ok(next.iter().try_for_each(|line| output.line(line))?)
+    Ok(board_settings::next_steps(session, lasts, unhomed, output)?)
 }
 
 fn backup(session: &mut Session, file: &Path, output: &mut Output) -> Result<(), Failure> {
@@ -164,8 +163,7 @@ fn restore(session: &mut Session, file: &Path, force: bool, lasts: bool, output:
         let (before, after) = (words(&report.values.lvdt_curve), words(&values.lvdt_curve));
         output.line(format!("{}: {before} -> {after}", lvdt_points::NAME))?;
     }
-    let next = board_settings::next_steps(session, lasts, unhomed);
-    next.iter().try_for_each(|line| output.line(line))?;
+    board_settings::next_steps(session, lasts, unhomed, output)?;
     // After the rest has been restored: a script must not go on with a calibration that is missing.
     backup::require_all(&dropped, file)
 }

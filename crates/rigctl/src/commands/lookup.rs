@@ -87,13 +87,10 @@ pub fn run(global: &Global, Lookup { at }: &Lookup, output: &mut Output) -> Resu
             MM_PER_N.number(a.dgap_dload_m_per_n, None::<f64>)
         )
     };
-    if let Some(path) = &at.batch {
-        return batch::answer(path, output, &heading, |query| look_up(&table, query), line);
-    }
-    let (Some(load_n), Some(turns)) = (at.load, at.turns) else {
-        return Err(Failure::Usage("lookup needs --load and --turns, or --batch".into()));
+    let Some(query) = at.one() else {
+        return batch::answer(at, output, &heading, |query| look_up(&table, query), line);
     };
-    let answer = look_up(&table, Query { load_n, turns }).map_err(|refused| Failure::failed(refused.error.message))?;
+    let answer = look_up(&table, query).map_err(|refused| Failure::failed(refused.error.message))?;
     output.object(&answer)?;
     output.line(heading)?;
     Ok(output.line(line(&answer))?)

@@ -3,14 +3,14 @@
 use super::dry_run;
 use crate::failure::Failure;
 use crate::options::Global;
-use crate::options::values::{seconds, speed_or_max, target, twist_speed};
+use crate::options::values::{of, speed_or_max};
 use crate::output::Output;
 use crate::plan::Plan;
 use crate::request::load_choice;
 use crate::session::row::load_text;
-use crate::session::{Session, Wanted, homing, motion, stream};
+use crate::session::{Session, Target, Wanted, homing, motion, stream};
 use crate::trajectory::Trajectory;
-use crate::units::{MM, PERCENT, RAD_PER_MM, S, TURNS, UM};
+use crate::units::{MM, PERCENT, Quantity, RAD_PER_MM, S, TURNS, UM};
 use clap::Args;
 use rig_control::move_check::MoveRequest;
 use rig_link::{LoadChoice, Request};
@@ -49,7 +49,7 @@ impl Home {
 #[derive(Debug, Args)]
 pub struct Move {
     /// Target position (m, mm, µm)
-    #[arg(long, value_name = "P", allow_hyphen_values = true, value_parser = target)]
+    #[arg(long, value_name = "P", allow_hyphen_values = true, value_parser = of("to", Quantity::Length))]
     pub(super) to: f64,
     /// Speed of the load (m/s, mm/s), or `max`: as fast as the motor allows under this load
     #[arg(long, value_name = "V|max", default_value = "2mm/s", allow_hyphen_values = true, value_parser = speed_or_max)]
@@ -108,7 +108,7 @@ impl Move {
 }
 
 /// Homes an emulated board, which starts afresh.
-fn home_first(session: &mut Session, load: LoadChoice, output: &mut Output) -> Result<(), Failure> {
+pub(super) fn home_first(session: &mut Session, load: LoadChoice, output: &mut Output) -> Result<(), Failure> {
     crate::output::say!("the emulated board starts afresh and is not homed: homing first");
     Ok(output.line(homing::home(session, load, |_| {})?.text())?)
 }
@@ -177,10 +177,10 @@ impl Track {
 #[derive(Debug, Args)]
 pub struct Jog {
     /// Twist speed (rad/s, deg/s, rpm of the strings), positive twists up
-    #[arg(long, value_name = "W", allow_hyphen_values = true, value_parser = twist_speed)]
+    #[arg(long, value_name = "W", allow_hyphen_values = true, value_parser = of("speed", Quantity::AngularSpeed))]
     speed: f64,
     /// How long (s)
-    #[arg(long, value_name = "S", default_value = "1s", allow_hyphen_values = true, value_parser = seconds)]
+    #[arg(long, value_name = "S", default_value = "1s", allow_hyphen_values = true, value_parser = of("seconds", Quantity::Time))]
     seconds: f64,
 }
 
@@ -204,13 +204,19 @@ impl Jog {
 /// # Errors
 /// The board's refusal in words.
 pub fn request(global: &Global, request: &Request, output: &mut Output) -> Result<(), Failure> {
-    let mut session = global.target()?.connect(Wanted::Any)?;
-    if global.is_emulated() {
-        session.wait_started()?;
-    }
+    let mut session = any_board(&global.target()?)?;
     session.request(request)?;
     session.until(0.2, |_| false)?;
     newest_row(&mut session, output)
+}
+
+/// Any board, in any state; an emulated one that has started.
+pub(super) fn any_board(target: &Target) -> Result<Session, Failure> {
+    let mut session = target.connect(Wanted::Any)?;
+    if target.emulated().is_some() {
+        session.wait_started()?;
+    }
+    Ok(session)
 }
 
 fn newest_row(session: &mut Session, output: &mut Output) -> Result<(), Failure> {

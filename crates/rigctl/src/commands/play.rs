@@ -4,13 +4,13 @@ use crate::board_settings;
 use crate::failure::Failure;
 use crate::log::write::event;
 use crate::options::Global;
-use crate::options::values::seconds;
+use crate::options::values::of;
 use crate::output::{Output, at};
 use crate::play::{check_refused, play};
 use crate::script::Script;
 use crate::session::sim::SimOptions;
 use crate::session::{Session, Wanted};
-use crate::units::{NUMBER, PERCENT, S};
+use crate::units::{NUMBER, PERCENT, Quantity, S};
 use clap::Args;
 use rig_link::SettingsReport;
 use serde_json::json;
@@ -36,7 +36,7 @@ pub struct Play {
     #[arg(long, value_name = "FILE", conflicts_with = "file")]
     script: Option<PathBuf>,
     /// How long to run without a script (s)
-    #[arg(long, value_name = "S", default_value = "5s", allow_hyphen_values = true, value_parser = seconds,
+    #[arg(long, value_name = "S", default_value = "5s", allow_hyphen_values = true, value_parser = of("seconds", Quantity::Time),
         conflicts_with_all = ["file", "script"])]
     seconds: f64,
 }

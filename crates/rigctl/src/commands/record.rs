@@ -3,13 +3,14 @@
 use crate::failure::Failure;
 use crate::log::{Header, Recorder};
 use crate::options::Global;
-use crate::options::values::seconds;
+use crate::options::values::of;
 use crate::out_file::OutFile;
 use crate::output::{Output, stdout};
 use crate::play::{check_refused, play};
 use crate::script::Script;
 use crate::session::Wanted;
 use crate::session::row::Entry;
+use crate::units::Quantity;
 use clap::Args;
 use serde_json::{Map, Value, json};
 use std::io::{self, Write};
@@ -23,7 +24,7 @@ pub struct Record {
     #[arg(long, value_name = "FILE.csv")]
     pub out: Option<PathBuf>,
     /// How long to record without a script (s)
-    #[arg(long, value_name = "S", default_value = "10s", allow_hyphen_values = true, value_parser = seconds,
+    #[arg(long, value_name = "S", default_value = "10s", allow_hyphen_values = true, value_parser = of("seconds", Quantity::Time),
         conflicts_with = "script")]
     pub seconds: f64,
     /// Play this script meanwhile (format as for `play`); exit code 1 if a command of it was refused

@@ -218,7 +218,7 @@ pub fn run(global: &Global, Solve { at, how }: &Solve, output: &mut Output) -> R
 /// If the scene or the batch file is bad, or the one point cannot be solved.
 pub fn answer(at: &At, scene: &Scene, way: Way<'_>, output: &mut Output) -> Result<(), Failure> {
     let mechanism = scene.mechanism()?;
-    if let Some(path) = &at.batch {
+    let Some(query) = at.one() else {
         let heading = format!(
             "{:>10} {:>8} {:>12} {:>14} {:>12} {:>12} {:>14}  warnings",
             "load N", "turns", "helix rad", "contraction mm", "sag mm", "TR rad/mm", "tier"
@@ -237,12 +237,9 @@ pub fn answer(at: &At, scene: &Scene, way: Way<'_>, output: &mut Output) -> Resu
             )
         };
         let solve = |query| solve(&mechanism, way, query).map_err(|e| RowError::new(e.kind(), e));
-        return batch::answer(path, output, &heading, solve, line);
-    }
-    let (Some(load_n), Some(turns)) = (at.load, at.turns) else {
-        return Err(Failure::Usage("solve needs --load and --turns, or --batch".into()));
+        return batch::answer(at, output, &heading, solve, line);
     };
-    let s = solve(&mechanism, way, Query { load_n, turns })?;
+    let s = solve(&mechanism, way, query)?;
     output.object(&s)?;
     let mm = |m: f64| MM.rounded(m, EXACT_M);
     output.named([

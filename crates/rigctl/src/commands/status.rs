@@ -1,14 +1,15 @@
 //! `status` and `sensors`: the board's identity, state and readings, homed or not.
 
+use super::motion::any_board;
 use crate::board_settings;
 use crate::diagnosis;
 use crate::failure::Failure;
 use crate::lvdt_points::GAP_M;
 use crate::options::Global;
-use crate::options::values::seconds;
+use crate::options::values;
 use crate::output::{Output, at, decimal};
-use crate::session::{Session, Target, Wanted};
-use crate::units::{HZ, MM, RAD, S, UM, Unit, V};
+use crate::session::{Session, Target};
+use crate::units::{HZ, MM, Quantity, RAD, S, UM, Unit, V};
 use clap::Args;
 use serde_json::{Value, json};
 
@@ -23,10 +24,7 @@ const READING_S: f64 = 0.2;
 /// If nobody answers; or, after everything is printed, if the board's scene is another.
 pub fn run(global: &Global, output: &mut Output) -> Result<(), Failure> {
     let target = global.target()?;
-    let mut session = target.connect(Wanted::Any)?;
-    if global.is_emulated() {
-        session.wait_started()?;
-    }
+    let mut session = any_board(&target)?;
     of(&mut session, &target, output)?;
     target.check_scene(&session)
 }
@@ -120,7 +118,7 @@ pub fn of(session: &mut Session, target: &Target, output: &mut Output) -> Result
 pub struct Sensors {
     /// One reading every 0.2 s for this time [default: one reading]
     #[arg(long, value_name = "S", default_value = "0s", hide_default_value = true, allow_hyphen_values = true,
-        value_parser = seconds)]
+        value_parser = values::of("seconds", Quantity::Time))]
     seconds: f64,
 }
 
@@ -133,10 +131,7 @@ impl Sensors {
         if !(0.0..=86_400.0).contains(&self.seconds) {
             return Err(Failure::Usage(format!("--seconds {}: must be from 0 to 86400 s", S.exact(self.seconds))));
         }
-        let mut session = global.target()?.connect(Wanted::Any)?;
-        if global.is_emulated() {
-            session.wait_started()?;
-        }
+        let mut session = any_board(&global.target()?)?;
         let end_s = session.now_s() + self.seconds;
         loop {
             let t_s = session.now_s();

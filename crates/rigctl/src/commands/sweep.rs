@@ -3,11 +3,11 @@
 use crate::failure::Failure;
 use crate::log::{Header, Log, Recorder, sweep as reduced};
 use crate::options::Global;
-use crate::options::values::{load, turns, twist_speed};
+use crate::options::values::{self, load};
 use crate::out_file::OutFile;
 use crate::output::Output;
 use crate::session::{Place, STEP_S, Session, Target, Wanted, homing, motion};
-use crate::units::{MM, N, RAD_PER_S, TURNS, TURNS_OF_RAD, UM};
+use crate::units::{MM, N, Quantity, RAD_PER_S, TURNS, TURNS_OF_RAD, UM};
 use clap::Args;
 use rig_control::hysteresis::MEMORY_COMPLETE_N;
 use rig_control::supervisor::JOG_SPEED_MAX;
@@ -36,10 +36,10 @@ pub struct Sweep {
     #[arg(long, value_name = "L", allow_hyphen_values = true, value_parser = load)]
     pub after: Option<f64>,
     /// Turns past the half-turn pre-twist
-    #[arg(long, value_name = "T", default_value = "7.5", allow_hyphen_values = true, value_parser = turns)]
+    #[arg(long, value_name = "T", default_value = "7.5", allow_hyphen_values = true, value_parser = values::of("turns", Quantity::Turns))]
     pub turns: f64,
     /// Speed of the strings (rad/s, deg/s, rpm)
-    #[arg(long, value_name = "W", default_value = "12.5rpm", allow_hyphen_values = true, value_parser = twist_speed)]
+    #[arg(long, value_name = "W", default_value = "12.5rpm", allow_hyphen_values = true, value_parser = values::of("speed", Quantity::AngularSpeed))]
     pub speed: f64,
     /// File to write
     #[arg(long, value_name = "FILE.csv")]

@@ -27,8 +27,8 @@ pub fn checks(id: &Identity, scene: &Scene) -> Result<Vec<Check>, Failure> {
         check(
             "protocol",
             id.protocol_hash == PROTOCOL_HASH,
-            format!("{:08x}", id.protocol_hash),
-            format!("the tool speaks {PROTOCOL_HASH:08x}: build both from one tree"),
+            format!("board {:08x}, tool {PROTOCOL_HASH:08x}", id.protocol_hash),
+            "build both from one tree",
         ),
         check(
             "reset",

@@ -9,6 +9,7 @@ use super::compete::{BLOCKS, worse};
 use super::data::Data;
 use super::fit::Fit;
 use super::linear::Linear;
+use crate::plot::extent;
 use crate::statistics::{Noise, rms};
 use crate::units::UM;
 use nalgebra::{DMatrix, DVector};
@@ -165,22 +166,17 @@ fn terms([of_load, of_twist]: [usize; 2]) -> Vec<[usize; 2]> {
     (0..of_load).flat_map(|i| (0..of_twist).map(move |j| [i, j])).collect()
 }
 
-/// Minimum and maximum of some values.
-fn range(values: impl Iterator<Item = f64>) -> [f64; 2] {
-    values.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], value| [low.min(value), high.max(value)])
-}
-
 /// The surface of an order through what a law misses of some rows (computed less measured of each row, m), by least squares
 /// in standard deviations; `None` if these rows do not determine it.
 fn surface(scene: &Scene, data: &Data, errors: &[f64], rows: &[usize], order: [usize; 2]) -> Option<Surface> {
-    let [mut low, mut high] = range(rows.iter().map(|k| data.rows[*k].twist_rad.abs() / std::f64::consts::TAU - 0.5));
+    let [mut low, mut high] = extent(rows.iter().map(|k| data.rows[*k].twist_rad.abs() / std::f64::consts::TAU - 0.5));
     if let Some([first, last]) = scene.envelope.map(|envelope| envelope.turns) {
         let near = SHORT * (high - low);
         low = if low - first < near { low.min(first) } else { low };
         high = if last - high < near { high.max(last) } else { high };
     }
     let mut correction = Correction {
-        load_n: range(rows.iter().map(|k| data.rows[*k].load_n)),
+        load_n: extent(rows.iter().map(|k| data.rows[*k].load_n)),
         turns: [low, high],
         coefficients_m: [[0.0; TERMS]; TERMS],
     };

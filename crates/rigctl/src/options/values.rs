@@ -39,20 +39,12 @@ pub fn load(text: &str) -> Result<f64, units::UnitError> {
     units::parse("load", Quantity::Load, text)
 }
 
-pub(crate) fn seconds(text: &str) -> Result<f64, units::UnitError> {
-    units::parse("seconds", Quantity::Time, text)
-}
-
-pub(crate) fn turns(text: &str) -> Result<f64, units::UnitError> {
-    units::parse("turns", Quantity::Turns, text)
-}
-
-pub(crate) fn target(text: &str) -> Result<f64, units::UnitError> {
-    units::parse("to", Quantity::Length, text)
-}
-
-pub(crate) fn gap(text: &str) -> Result<f64, units::UnitError> {
-    units::parse("gap", Quantity::Length, text)
+/// A quantity that an error calls by this name, in SI units.
+pub(crate) fn of(
+    name: &'static str,
+    quantity: Quantity,
+) -> impl Fn(&str) -> Result<f64, units::UnitError> + Clone + Send + Sync {
+    move |text| units::parse(name, quantity, text)
 }
 
 /// The error of gauges (m).
@@ -70,8 +62,4 @@ pub fn gauge_error(text: &str) -> Result<f64, String> {
 /// A speed, or `max`: infinite.
 pub(crate) fn speed_or_max(text: &str) -> Result<f64, String> {
     request::SPEED.parse("speed", text)
-}
-
-pub(crate) fn twist_speed(text: &str) -> Result<f64, units::UnitError> {
-    units::parse("speed", Quantity::AngularSpeed, text)
 }

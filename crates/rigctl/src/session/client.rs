@@ -284,7 +284,7 @@ impl Session {
 
     fn take_event(&mut self, t_s: f64, kind: EventKind) {
         match kind {
-            EventKind::Homed { .. } => self.truth.homed(t_s),
+            EventKind::Homed { .. } => self.truth.home_gap_m = self.truth.at(t_s).map(|t| t.gap_m),
             EventKind::HomingRefused(failure) => self.homing_failure = Some(failure),
             EventKind::TableStored { .. } | EventKind::TableRefused(_) => self.hearing.may_store(0.0),
             _ => {}
@@ -297,7 +297,7 @@ impl Session {
         if self.last.is_some_and(|last| telemetry.t_us < last.t_us) {
             // The board's clock went back: it was reset, and has forgotten everything.
             self.boot_s = (self.now_s() - telemetry.t_us as f64 * 1e-6).max(0.0);
-            self.truth.restarted();
+            self.truth.home_gap_m = None;
             self.settings = None;
             self.homing_failure = None;
             self.lost_power = false;
@@ -315,7 +315,7 @@ impl Session {
         }
         let t_s = self.boot_s + telemetry.t_us as f64 * 1e-6;
         let zero_m = self.settings.map_or(0.0, |s| f64::from(s.values.get(Setting::PositionZero)));
-        let zero_gap_m = self.truth.home_gap_m().map(|gap_m| gap_m - zero_m);
+        let zero_gap_m = self.truth.home_gap_m.map(|gap_m| gap_m - zero_m);
         let mut row = Row::new(t_s, &telemetry, self.truth.at(t_s).as_ref(), zero_gap_m);
         row.homing_failure = self.homing_failure;
         row.load_at_range_end = row.load_n.and_then(|load_n| self.range_end(load_n));

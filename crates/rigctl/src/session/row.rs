@@ -170,7 +170,8 @@ impl Row {
 #[derive(Default)]
 pub struct TruthRecords {
     records: VecDeque<Truth>,
-    home_gap_m: Option<f64>,
+    /// The true gap (m) when the rig was homed; none where the position is not known.
+    pub home_gap_m: Option<f64>,
 }
 
 impl TruthRecords {
@@ -191,21 +192,6 @@ impl TruthRecords {
     pub fn at(&self, t_s: f64) -> Option<Truth> {
         let distance = |t: &&Truth| (t.t_s - t_s).abs();
         self.records.iter().min_by(|a, b| distance(a).total_cmp(&distance(b))).copied()
-    }
-
-    /// The rig was homed at this time (s).
-    pub fn homed(&mut self, t_s: f64) {
-        self.home_gap_m = self.at(t_s).map(|t| t.gap_m);
-    }
-
-    /// The board was reset: its position is not known any more.
-    pub fn restarted(&mut self) {
-        self.home_gap_m = None;
-    }
-
-    /// The true gap (m) when the rig was homed.
-    pub fn home_gap_m(&self) -> Option<f64> {
-        self.home_gap_m
     }
 }
 

@@ -3,7 +3,7 @@
 use super::client::Session;
 use crate::failure::Failure;
 use rig_config::Scene;
-use rig_link::messages::{EventKind, Request, TablePart, TableRefusal};
+use rig_link::messages::{EventKind, Request, TablePart};
 use std::path::Path;
 use tsa_table::Table;
 use tsa_table::fit::Fit;
@@ -76,14 +76,14 @@ pub fn send_table(session: &mut Session, scene: &Scene, file: &Path, table: &Tab
                     session.identify()?;
                     return Ok(kept);
                 }
-                EventKind::TableRefused(reason) => return Err(refused(reason)),
+                EventKind::TableRefused(reason) => {
+                    return Err(Failure::failed(format!(
+                        "the board does not use this table: {reason}; the old one stays"
+                    )));
+                }
                 _ => {}
             }
         }
     }
     Err(Failure::failed(format!("the board did not take the table within {WAIT_S} s")))
-}
-
-fn refused(reason: TableRefusal) -> Failure {
-    Failure::failed(format!("the board does not use this table: {reason}; the old one stays"))
 }

@@ -24,7 +24,13 @@ fn a_healthy_rig_is_well_homed_or_not() {
     for arguments in [&[][..], &["--home"]] {
         let (report, code) = looked(arguments);
         assert!(bad(&report).is_empty() && report["ok"] == true && code == 0, "{report:#}");
-        assert!(report["checks"].as_array().is_some_and(|c| c.len() >= 13));
+        let checks = report["checks"].as_array().expect("checks");
+        assert!(checks.len() >= 13);
+        // What was measured has beside it what is allowed.
+        for name in ["drive", "LVDT", "supply", "ticks", "link"] {
+            let seen = checks.iter().find(|c| c["name"] == name).and_then(|c| c["seen"].as_str());
+            assert!(seen.is_some_and(|seen| seen.contains("allowed")), "{name}: {seen:?}");
+        }
     }
 }
 
