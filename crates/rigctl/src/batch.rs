@@ -179,6 +179,12 @@ mod tests {
         assert!(ended.is_err_and(|why| why.ends_with("2 of its 3 rows failed")));
         let (ended, shown) = run(true);
         assert_eq!((ended, shown.matches("{\"error\"").count()), (Ok(()), 2));
+        for (rows, fails) in [("0,1\nx,2\n", true), ("", false)] {
+            std::fs::write(&file, format!("load_n,turns\n{rows}")).expect("written");
+            let (ended, shown) = run(true);
+            assert_eq!((ended.is_err(), shown.lines().count()), (fails, rows.lines().count()), "{rows:?}");
+            assert!(ended.err().is_none_or(|why| why.ends_with("every one of its 2 rows failed")));
+        }
         let _ = std::fs::remove_file(&file);
     }
 }

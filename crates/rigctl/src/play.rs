@@ -30,7 +30,7 @@ pub fn play(
     mut each: impl FnMut(&mut Session, Vec<String>) -> Result<ControlFlow<()>, Failure>,
 ) -> Result<usize, Failure> {
     if session.emulated().is_some() {
-        session.bear_silence();
+        session.bears_silence = true;
         for event in &script.events {
             if let Action::Plant(change) = event.action {
                 change.check_running().map_err(|error| at_line(event, error.into()))?;
@@ -38,7 +38,7 @@ pub fn play(
         }
     }
     // A board that was not greeted moves nothing.
-    session.greet_at_boot();
+    session.greets = true;
     let mut player = Player { seed, ..Player::default() };
     let mut events = script.events.iter().peekable();
     while session.now_s() < script.end_s - 0.5 * STEP_S {

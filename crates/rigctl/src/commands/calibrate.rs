@@ -96,7 +96,7 @@ fn lvdt(
     let values = session.settings()?.values;
     let shown_m = session.gap_m()?;
     let sensor_m = uncalibrated(shown_m, &values);
-    let truth_m = session.truth().newest().map(|t| t.gap_m);
+    let truth_m = session.truth.newest().map(|t| t.gap_m);
     let Some(gap_m) = gap else {
         output.object(&json!({"gap_m": shown_m, "sensor_m": sensor_m, "true_gap_m": truth_m}))?;
         output.line(format!(
@@ -155,7 +155,7 @@ fn points(session: &mut Session, curve: Option<LvdtCurve>, lasts: bool, output: 
     let before_m = session.gap_m()?;
     let unhomed = session.set(&Request::SetSettings(SettingValues { lvdt_curve: curve, ..values }))?;
     let after_m = session.gap_m()?;
-    let truth_m = session.truth().newest().map(|t| t.gap_m);
+    let truth_m = session.truth.newest().map(|t| t.gap_m);
     let mut object = curve.as_ref().map_or(json!({"points": []}), lvdt_points::object);
     for (key, value) in [
         ("gap_before_m", json!(before_m)),

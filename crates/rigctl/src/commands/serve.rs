@@ -42,7 +42,7 @@ impl Serve {
         }
         let mut session = target.connect(Wanted::OfScene)?;
         // A board that has restarted moves nothing until it is greeted again.
-        session.greet_at_boot();
+        session.greets = true;
         // Orders to a board that still starts would be refused.
         session.wait_started()?;
         let hello = json!({"hello": {

@@ -37,20 +37,22 @@ const STOP_EXCHANGES: u32 = 10;
 pub struct Session {
     /// The frames below the messages: damaged and lost ones, heartbeats.
     pub link: Link,
-    /// Greets the board by itself whenever it has started.
-    greets: bool,
+    /// Greets the board by itself whenever it has started, as a script needs it.
+    pub greets: bool,
     replies: VecDeque<(u16, Result<Accepted, Refusal>)>,
     events: VecDeque<(f64, EventKind)>,
     rows: VecDeque<Row>,
     log: Vec<String>,
-    truth: TruthRecords,
+    /// What was true in the rig; empty on a real one.
+    pub truth: TruthRecords,
     /// Emulated time of the board's last start (s).
     boot_s: f64,
     /// The board loses its power, and has not started again since.
     lost_power: bool,
     hearing: Hearing,
-    /// The conversation goes on while the board is silent.
-    bears_silence: bool,
+    /// The conversation goes on while the board is silent, for who says so to the operator: [`Session::silent_s`]. Meanwhile the
+    /// board is asked to stop, in case that it still hears.
+    pub bears_silence: bool,
     last: Option<Telemetry>,
     /// Versions of the board that has answered a greeting.
     board: Option<Versions>,
@@ -135,11 +137,6 @@ impl Session {
         self.settings.as_ref()
     }
 
-    /// What was true in the rig; empty on a real one.
-    pub fn truth(&self) -> &TruthRecords {
-        &self.truth
-    }
-
     /// The emulated rig behind the port, if it is one.
     pub fn emulated(&mut self) -> Option<&mut Sim> {
         self.link.emulated()
@@ -175,17 +172,6 @@ impl Session {
     fn note(&mut self, entry: impl Fn() -> Entry) {
         // Who does not listen any more is forgotten.
         self.watchers.retain(|watcher| watcher.send(entry()).is_ok());
-    }
-
-    /// Greets the board by itself whenever it has started, as a script needs it.
-    pub fn greet_at_boot(&mut self) {
-        self.greets = true;
-    }
-
-    /// Goes on while the board is silent, for who says so to the operator: [`Session::silent_s`]. Meanwhile the board is asked
-    /// to stop, in case that it still hears.
-    pub fn bear_silence(&mut self) {
-        self.bears_silence = true;
     }
 
     /// How long the board has sent no telemetry (s), from half a second on. A board without power is not silent, but off.

@@ -55,10 +55,8 @@ fn wrong_names_values_and_files_are_refused_and_nothing_is_written() {
         (&["config", "get", "gain"], 2, &["gain", "lvdt-gain"]),
         (&["config", "set", "lvdt-gain"], 2, &["VALUE"]),
         (&["config", "set", "lvdt-offset", "1kg"], 2, &["lvdt-offset", "mm"]),
-        (&["config", "set", "lvdt-offset", "nan"], 2, &["lvdt-offset", "finite"]),
         (&["config", "set", "speed-max", "learned"], 2, &["speed-max"]),
         (&["config", "set", "lvdt-offset", "60mm"], 1, &["lvdt-offset is 0.06 m", "-0.05 to 0.05 m"]),
-        (&["config", "set", "twist-sign", "0"], 1, &["twist-sign", "-1 or 1"]),
         (&["config", "set", "current-limit", "0.6A"], 1, &["current-limit", "0.5 A"]),
         (&["config", "set", "twist-scale", "learned"], 1, &["twist-scale", "homed"]),
         (&["config", "restore", "no-such.toml"], 1, &["no-such.toml"]),
@@ -78,11 +76,6 @@ fn wrong_names_values_and_files_are_refused_and_nothing_is_written() {
         assert_eq!(given, Some(code), "{arguments:?}: {error}");
         assert!(named.iter().all(|part| error.contains(part)), "{arguments:?}: {error}");
     }
-    let file = folder.join("bad.toml");
-    std::fs::write(&file, "[settings]\nspeed-max = 0.003\nlvdt-gain = 3.0\ngear = 2\n").expect("a file");
-    let (code, error) = fails(&flash, &["config", "restore", file.to_str().expect("a path")]);
-    assert!(code == Some(1) && error.contains("lvdt-gain is 3, allowed are 0.8 to 1.25"), "{error}");
-    assert!(error.contains("no setting `gear`") && error.contains("bad.toml"), "{error}");
     assert!(!flash.exists(), "none of this may have been kept");
     std::fs::write(&flash, "short").expect("a file");
     let (code, error) = fails(&flash, &["config", "get"]);

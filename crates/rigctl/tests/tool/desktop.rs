@@ -61,22 +61,6 @@ fn batches_go_on_after_a_bad_row() {
 }
 
 #[test]
-fn a_batch_in_which_every_row_failed_has_failed() {
-    let batch = file("batch-failed.csv");
-    let path = batch.to_str().unwrap();
-    for command in ["solve", "lookup"] {
-        for (rows, code) in [("0,1\nx,2\n", 1), ("0,1\n4.9,2\n", 0), ("", 0)] {
-            std::fs::write(&batch, format!("load_n,turns\n{rows}")).unwrap();
-            let output = rigctl(&["--json", command, "--batch", path]);
-            assert_eq!(output.status.code(), Some(code), "{command} {rows:?}");
-            assert_eq!(objects(&output).len(), rows.lines().count(), "{command} {rows:?}");
-            let said = String::from_utf8_lossy(&output.stderr).into_owned();
-            assert_eq!(said.contains("every one of its 2 rows failed"), code == 1, "{said}");
-        }
-    }
-}
-
-#[test]
 fn refusals_have_codes_and_names() {
     for (arguments, code, named) in [
         (&["solve", "--load", "5", "--turns", "1", "--method", "magic"][..], 2, "first-integral"),
