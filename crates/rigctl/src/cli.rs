@@ -1,8 +1,8 @@
 //! The command line: every command, which carries its own arguments and help, and the function that runs it.
 
 use crate::commands::{
-    calibrate, config, demo, doctor, export, identify, lookup, monitor, motion, play, record, replay, selftest, serve,
-    solve, status, sweep, table,
+    calibrate, config, demo, doctor, export, identify, lookup, monitor, motion, play, replay, selftest, serve, solve,
+    status, sweep, table,
 };
 use crate::failure::Failure;
 use crate::laboratory;
@@ -81,7 +81,7 @@ pub enum Command {
     /// `replay` plays such a file through the controller again, `identify` reads those of `sweep`. A log ends with `# end rows = …`, also when Ctrl-C or a
     /// fault ended it (`# broken_off = …` says so); one that lacks it was cut, and `replay` and `identify` take it with --partial only.
     /// What the file held before is kept beside it as FILE.csv~.
-    Record(record::Record),
+    Record(play::Record),
     /// Record the paper's experiment: turn the strings of a known load up and down
     ///
     /// Homes, then turns the strings at a constant speed from the half-turn pre-twist up and back, and records it all as
@@ -179,7 +179,7 @@ pub fn run(Cli { global, command }: &Cli, output: &mut Output) -> Result<(), Fai
         Command::Calibrate { what } => calibrate::run(global, what, output),
         Command::Status => status::run(global, output),
         Command::Sensors(options) => options.run(global, output),
-        Command::Record(options) => record::run(global, options, output),
+        Command::Record(options) => play::record(global, options, output),
         Command::Sweep(options) => sweep::run(global, options, output),
         Command::Replay(options) => replay::run(global, options, output),
         Command::Export(options) => export::run(options, output),

@@ -3,7 +3,7 @@
 //!
 //! - Without a rig: [`solve`], [`lookup`], [`identify`], `dry_run` (`move --dry-run`), [`replay`], [`export`].
 //! - On the emulated board: [`demo`], [`selftest`].
-//! - On the emulated board or a real one: [`motion`] (home, move, track, jog, stop, clear), [`play`], [`record`], [`sweep`],
+//! - On the emulated board or a real one: [`motion`] (home, move, track, jog, stop, clear), [`play`] (play, record), [`sweep`],
 //!   [`monitor`], [`status`], [`doctor`], [`config`], [`calibrate`], [`table`], [`serve`].
 
 pub mod calibrate;
@@ -17,7 +17,6 @@ pub mod lookup;
 pub mod monitor;
 pub mod motion;
 pub mod play;
-pub mod record;
 pub mod replay;
 pub mod selftest;
 pub mod serve;
