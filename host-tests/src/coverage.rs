@@ -3,7 +3,6 @@
 use crate::rigs::commission::{Firmware, commission};
 use crate::rigs::subject::Subject;
 use crate::study::{Rigs, Sorted, Study, each, shown};
-use anyhow::Result;
 use rig_plant::RigPreset;
 use rig_plant::trial::{Moment, Stated, Trial};
 use rig_plant::units::STANDARD_GRAVITY;
@@ -13,21 +12,12 @@ use std::collections::BTreeMap;
 const KINDS: [RigPreset; 2] = [RigPreset::Nominal, RigPreset::Hard];
 /// Classes of loads, and the load (kg) that each ends at.
 const CLASSES: [(&str, f64); 3] = [("light", 0.3), ("middle", 0.9), ("heavy", f64::INFINITY)];
-/// How many rigs of each kind, as built and calibrated.
-const RIGS: [u64; 2] = [5000, 100];
+/// How many rigs of each kind as built, and how many of the first of these also calibrated.
+const AS_BUILT: u64 = 5000;
+const CALIBRATED: usize = 100;
 
 /// Seed of the first rig. The homing's standard errors were chosen on seeds below.
 const FIRST_SEED: u64 = 10_001;
-
-/// What is asked of the study.
-#[derive(clap::Args, Clone, Debug)]
-pub struct Arguments {
-    #[command(flatten)]
-    rigs: Rigs,
-    /// How many rigs of each kind are also tried calibrated (default: as in docs/results.md)
-    #[arg(long)]
-    calibrated: Option<u64>,
-}
 
 /// How often an interval held, and how wide it was.
 #[derive(Clone, Debug, Default)]
@@ -100,20 +90,16 @@ fn same_load(moment: Moment) -> bool {
 }
 
 /// Tries every rig.
-///
-/// # Errors
-/// None; as the other studies.
-pub fn study(arguments: &Arguments) -> Result<Study> {
+pub fn study(rigs: &Rigs) -> Study {
     let mut items = Vec::new();
-    let counts = [RIGS[0], arguments.calibrated.unwrap_or(RIGS[1])];
-    let rigs = Rigs { seed: arguments.rigs.seed.or(Some(FIRST_SEED)), ..arguments.rigs.clone() };
+    let rigs = Rigs { seed: rigs.seed.or(Some(FIRST_SEED)), ..rigs.clone() };
     for kind in KINDS.into_iter().filter(|kind| rigs.wants(*kind)) {
-        let seeds = rigs.seeds(counts[0]);
-        let calibrated = seeds.start..seeds.start + counts[1];
-        items.extend(seeds.map(|seed| (kind, seed, false)).chain(calibrated.map(|seed| (kind, seed, true))));
+        let as_built = rigs.seeds(AS_BUILT);
+        let calibrated = as_built.clone().take(CALIBRATED);
+        items.extend(as_built.map(|seed| (kind, seed, false)).chain(calibrated.map(|seed| (kind, seed, true))));
     }
     let all = each(rigs.jobs, &items, |(kind, seed, calibrated)| tried(*kind, *seed, *calibrated));
-    Ok(table(&all))
+    table(&all)
 }
 
 fn table(all: &[Tried]) -> Study {

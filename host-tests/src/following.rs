@@ -1,12 +1,12 @@
 //! How a streamed sine is followed: ratio of the amplitudes and phase, over the frequency.
 
 use crate::ControlBench;
-use crate::load_changes::homed_under;
+use crate::load_changes::brought;
 use crate::rigs::subject::Subject;
 use crate::study::{Rigs, Study, draw, each};
 use anyhow::Result;
 use rig_control::TICK_S;
-use rig_link::messages::{LoadChoice, Request, State};
+use rig_link::messages::{Request, State};
 use rig_plant::RigPreset;
 use rigctl::plot::{Axis, Block, Figure, INK, Item, KeyRow, Panel, Pen, colour};
 use rigctl::trajectory::{EVERY_S, HOLDS_FOR_S};
@@ -17,9 +17,8 @@ const PERIOD_TICKS: [usize; 8] = [1000, 500, 250, 125, 80, 50, 40, 25];
 /// Loads (kg), and amplitudes (m).
 const LOADS_KG: [f64; 2] = [0.5, 1.2];
 const AMPLITUDES_M: [f64; 2] = [1e-3, 0.2e-3];
-/// About which position (m), and the speed of the way there (m/s).
+/// About which position (m).
 const MIDDLE_M: f32 = 0.008;
-const SPEED_M_PER_S: f32 = 0.004;
 /// Periods, but so many seconds at least, before the sine is measured and while it is.
 const PERIODS: usize = 2;
 const MIN_S: f64 = 4.0;
@@ -63,11 +62,10 @@ impl Series {
     /// The answer to a sine of each of `PERIOD_TICKS`, or how the stream ended early.
     pub fn play(&self) -> Vec<Result<Response, String>> {
         let (rig, seed) = self.rig;
-        let at_rest = homed_under(&Subject::new(rig, seed), self.load_kg).and_then(|mut bench| {
-            bench.move_to(MIDDLE_M, SPEED_M_PER_S, LoadChoice::Auto)?;
+        let mut at_rest = brought(&Subject::new(rig, seed), self.load_kg, MIDDLE_M);
+        if let Ok(bench) = &mut at_rest {
             bench.run(1.0);
-            Ok(bench)
-        });
+        }
         PERIOD_TICKS.iter().map(|period| self.sine(at_rest.clone()?, *period)).collect()
     }
 

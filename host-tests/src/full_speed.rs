@@ -2,7 +2,7 @@
 //! same turn of the strings.
 
 use crate::ControlBench;
-use crate::load_changes::{Outcome, as_the_sensor_has_it, hang, homed_under, motor_s};
+use crate::load_changes::{Outcome, as_the_sensor_has_it, brought, hang, motor_s};
 use crate::rigs::subject::Subject;
 use crate::study::each;
 use rig_control::TICK_S;
@@ -31,10 +31,7 @@ pub fn all(subject: &Subject, threads: usize) -> Vec<Outcome> {
 
 fn both_ways(subject: &Subject, load_kg: f64) -> [Outcome; 2] {
     let [low_m, high_m] = ENDS_M;
-    let mut bench = homed_under(subject, load_kg).and_then(|mut bench| {
-        bench.move_to(low_m, 0.004, LoadChoice::Auto)?;
-        Ok(bench)
-    });
+    let mut bench = brought(subject, load_kg, low_m);
     [[low_m, high_m], [high_m, low_m]].map(|[from_m, to_m]| {
         let what = format!("seed {} {load_kg} kg, {:2.0} mm -> {:2.0} mm", subject.seed, from_m * 1e3, to_m * 1e3);
         match &mut bench {
@@ -51,10 +48,7 @@ fn both_ways(subject: &Subject, load_kg: f64) -> [Outcome; 2] {
 /// Moves up and down on one rig, on each of which the load changes by a third at some time.
 pub fn under_steps(subject: &Subject) -> Vec<Outcome> {
     let [lighter_kg, heavier_kg] = STEP_LOADS_KG;
-    let mut bench = homed_under(subject, heavier_kg).and_then(|mut bench| {
-        bench.move_to(STEP_ENDS_M[0], 0.004, LoadChoice::Auto)?;
-        Ok(bench)
-    });
+    let mut bench = brought(subject, heavier_kg, STEP_ENDS_M[0]);
     let moves = (0..STEP_MOVES).map(|k| {
         let (to_m, to_kg) = (STEP_ENDS_M[(k + 1) % 2], if k / 2 % 2 == 0 { lighter_kg } else { heavier_kg });
         // The second of two moves takes the load back.

@@ -171,6 +171,16 @@ pub fn homed_under(subject: &Subject, load_kg: f64) -> Result<ControlBench, Stri
     Ok(bench)
 }
 
+/// A rig homed under a load (kg) and brought to a position (m).
+///
+/// # Errors
+/// In words, if it cannot be homed or does not get there.
+pub fn brought(subject: &Subject, load_kg: f64, to_m: f32) -> Result<ControlBench, String> {
+    let mut bench = homed_under(subject, load_kg)?;
+    bench.move_to(to_m, SPEED_M_PER_S, LoadChoice::Auto)?;
+    Ok(bench)
+}
+
 fn play(bench: Result<ControlBench, String>, step: Step) -> Outcome {
     match bench.and_then(|mut bench| begin(&mut bench, step).map(|()| bench)) {
         Ok(bench) => watch(bench, step),

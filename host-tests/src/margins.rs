@@ -4,14 +4,14 @@
 //! The open loop is cut where the gap is measured: what the LVDT shows of a change is made larger, or comes later than its time
 //! stamp says, until the load no longer comes to rest after a small change of its weight.
 
-use crate::load_changes::{hang, homed_under};
+use crate::load_changes::{brought, hang};
 use crate::rigs::subject::Subject;
 use crate::study::{Rigs, Study, each};
 use crate::{ControlBench, scene};
 use anyhow::{Result, anyhow};
 use lab::chart::margin::{LinearLoop, OperatingPoint};
 use rig_control::{Inputs, LvdtBlock, TICK_S};
-use rig_link::messages::{LoadChoice, State};
+use rig_link::messages::State;
 use rig_plant::units::STANDARD_GRAVITY;
 use rig_plant::{PlantChange, PlantKey, RigPreset};
 use std::collections::VecDeque;
@@ -32,8 +32,6 @@ const OSCILLATIONS_M: f64 = 300e-6;
 const GAIN_STEP: f64 = 1.1;
 const DELAY_STEP_S: f64 = 0.004;
 const TRIED: i32 = 25;
-/// Speed of the way to a position (m/s).
-const SPEED_M_PER_S: f32 = 0.004;
 
 /// What is put into the open loop.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -202,8 +200,7 @@ impl Place {
     /// # Errors
     /// In words, if the load cannot be brought to its place, or has no equilibrium there.
     pub fn margins(&self) -> Result<Margins, String> {
-        let mut bench = homed_under(&self.rig.0, self.load_kg)?;
-        bench.move_to(self.at_m, SPEED_M_PER_S, LoadChoice::Auto)?;
+        let mut bench = brought(&self.rig.0, self.load_kg, self.at_m)?;
         bench.run(1.0);
         let rests = |loosened: Loosened| {
             oscillation_m(bench.clone(), self.load_kg, KEPT, loosened)

@@ -1,7 +1,7 @@
 //! Slow motion: how much of the time a load stands while its set-point moves, how uneven its speed is, and from which speed on it
 //! slides evenly without any control.
 
-use crate::load_changes::homed_under;
+use crate::load_changes::brought;
 use crate::rigs::subject::Subject;
 use crate::study::{Rigs, Sorted, Study, each, shown};
 use crate::{ControlBench, table};
@@ -21,8 +21,7 @@ const SPEEDS_M_PER_S: [f32; 4] = [0.5e-3, 1e-3, 2e-3, 4e-3];
 const ENDS_M: [f32; 2] = [0.003, 0.009];
 /// Part of the way at either end that is left out (m): there the load sets out and comes to rest.
 const LEFT_OUT_M: f64 = 0.5e-3;
-/// Speed of the way to the first end (m/s), and rest there (s).
-const FIRST_M_PER_S: f32 = 4e-3;
+/// Rest at either end before the way (s).
 const REST_S: f64 = 1.0;
 /// Fraction of the wanted speed below which the load stands.
 const STANDS: f64 = 0.05;
@@ -77,10 +76,7 @@ fn way(bench: &mut ControlBench, to_m: f32, speed_m_per_s: f32) -> Option<Evenne
 
 /// Up and down at every speed under a load (kg): speed (m/s) and result.
 fn ways(subject: &Subject, load_kg: f64) -> Vec<(f32, Option<Evenness>)> {
-    let at_rest = homed_under(subject, load_kg).and_then(|mut bench| {
-        bench.move_to(ENDS_M[0], FIRST_M_PER_S, LoadChoice::Auto)?;
-        Ok(bench)
-    });
+    let at_rest = brought(subject, load_kg, ENDS_M[0]);
     let both = |speed: f32| match &at_rest {
         Ok(at_rest) => {
             let mut bench = at_rest.clone();

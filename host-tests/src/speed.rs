@@ -13,16 +13,6 @@ use rigctl::plot::{Axis, Block, Figure, GREY, INK, Item, KeyRow, Panel, Pen, Sha
 const KINDS: [(RigPreset, u64, &[f64]); 3] =
     [(RigPreset::Ideal, 2, &[50e-6]), (RigPreset::Nominal, 6, &[50e-6]), (RigPreset::Hard, 6, &[150e-6, 250e-6])];
 
-/// Of this study.
-#[derive(clap::Args, Debug)]
-pub struct Arguments {
-    #[command(flatten)]
-    rigs: Rigs,
-    /// Also print each step and move
-    #[arg(long)]
-    each: bool,
-}
-
 const NOTE: &str = "A step changes the load at rest at 2, 8 or 14 mm, between 0.2 and 1.2 kg. A move at full speed goes 12 mm up or \
     down, under 0.1 to 1.5 kg; on one with a load step it goes 8 mm, and the load changes between 0.9 and 1.2 kg on the way. The \
     motor's time is that in which its speed and acceleration alone turn the strings as far; that of motor and swing is the least of \
@@ -33,7 +23,7 @@ const NOTE: &str = "A step changes the load at rest at 2, 8 or 14 mm, between 0.
 ///
 /// # Errors
 /// If the figure cannot be written.
-pub fn study(Arguments { rigs, each: print }: &Arguments) -> Result<Study> {
+pub fn study(rigs: &Rigs) -> Result<Study> {
     let mut study = Study::new([
         "",
         "rigs",
@@ -52,10 +42,6 @@ pub fn study(Arguments { rigs, each: print }: &Arguments) -> Result<Study> {
             let tests = [("load step", &steps), ("full speed", &ways), ("load step at full speed", &on_the_way)];
             for (test, outcomes) in tests {
                 row(&mut study, (test, rig, subjects.len()), *within_m, outcomes);
-                outcomes
-                    .iter()
-                    .filter(|_| *print)
-                    .for_each(|outcome| eprintln!("{test}: {}", line(outcome, *within_m)));
             }
         }
         panels.push(panel(format!("{rig}, to {:.0} µm", within[0] * 1e6), &steps, |o| o.over_limit(within[0])));
@@ -105,14 +91,6 @@ fn row(study: &mut Study, (test, rig, rigs): (&str, RigPreset, usize), within_m:
         study.value(format!("{name}_most"), sorted.max());
     }
     study.row(cells);
-}
-
-/// One step or move in words.
-fn line(o: &Outcome, within_m: f64) -> String {
-    let took = o.settled_s(within_m).map_or("-".into(), |s| format!("{s:.2} s, {:.2} times", s / o.motor_s));
-    let last_um = 1e6 * o.errors_m.last().copied().unwrap_or(f64::NAN);
-    let why = o.failure.as_deref().unwrap_or_default();
-    format!("{}: motor {:.2} s, {took}; ends {last_um:+.0} µm {why}", o.what, o.motor_s)
 }
 
 /// Ratios that are drawn; what is beyond them stands at the edge.

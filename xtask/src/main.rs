@@ -76,7 +76,7 @@ enum Task {
     /// Compare this controller with others: play scenarios on random plants or on rigs of a kind (docs/comparison.svg,
     /// .csv)
     Compare {
-        /// Arguments of the comparison: --plants, --plant, --rig, --out
+        /// Arguments of the comparison: --plants, --rig, --out
         #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
         rest: Vec<String>,
     },

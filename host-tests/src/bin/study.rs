@@ -26,7 +26,7 @@ enum Task {
         names: Vec<String>,
     },
     /// How fast changed loads are back at their places, and moves at full speed take
-    Speed(speed::Arguments),
+    Speed(Rigs),
     /// Changed loads by this controller and by seven others, over the least time of any control
     Limit(Rigs),
     /// Gain and delay that the position loop tolerates
@@ -40,7 +40,7 @@ enum Task {
     /// The control code on emulated rigs that are not their own model
     Rigs(rigs::Arguments),
     /// How often the stated errors of load and position hold the truth
-    Coverage(coverage::Arguments),
+    Coverage(Rigs),
     /// Long runs on the emulated board
     Endurance(endurance::Arguments),
 }
@@ -62,14 +62,14 @@ fn main() -> Result<()> {
 fn measured(task: &Task) -> Result<Study> {
     match task {
         Task::Record { .. } => bail!("not a study"),
-        Task::Speed(arguments) => speed::study(arguments),
+        Task::Speed(rigs) => speed::study(rigs),
         Task::Limit(rigs) => limit::study(rigs),
         Task::Margins(rigs) => margins::study(rigs),
         Task::Slow(rigs) => Ok(slow::study(rigs)),
         Task::Following(rigs) => following::study(rigs),
         Task::Compare(arguments) => compare::study::study(arguments),
         Task::Rigs(arguments) => rigs::measured(arguments),
-        Task::Coverage(arguments) => coverage::study(arguments),
+        Task::Coverage(rigs) => Ok(coverage::study(rigs)),
         Task::Endurance(arguments) => Ok(endurance::study(arguments)),
     }
 }

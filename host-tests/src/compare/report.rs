@@ -4,7 +4,7 @@ use super::score::Summary;
 use super::{Entry, settled_m};
 use crate::scenario::Scenario;
 use crate::study::Study;
-use anyhow::{Context, Result};
+use anyhow::Result;
 use rig_plant::RigPreset;
 use rig_plant::units::STANDARD_GRAVITY;
 use rigctl::plot::{Axis, Block, Figure, Item, KeyRow, Panel, Shape, colour, extent};
@@ -195,11 +195,9 @@ impl Results {
     /// For machines. Lengths in µm.
     ///
     /// # Errors
-    /// If it cannot be written.
+    /// Never for the rows that exist.
     pub fn csv(&self) -> Result<String> {
-        let mut writer = csv::Writer::from_writer(Vec::new());
-        self.rows.iter().try_for_each(|row| writer.serialize(row))?;
-        String::from_utf8(writer.into_inner().map_err(|e| e.into_error())?).context("the CSV is no text")
+        lab::csv(&self.rows)
     }
 
     /// The picture: a row for each controller, a dot for each load.

@@ -7,8 +7,8 @@ use super::{Comparison, untuned};
 use crate::rigs::subject::Subject;
 use crate::scenario;
 use crate::study::{Study, write};
-use anyhow::{Result, anyhow, bail};
-use rig_plant::{PlantChange, PlantKey, RigPreset};
+use anyhow::{Result, anyhow};
+use rig_plant::{PlantKey, RigPreset};
 use std::path::PathBuf;
 
 /// Of `cargo xtask compare`.
@@ -20,9 +20,6 @@ pub struct Arguments {
     /// Rigs of a kind (ideal, nominal or hard) instead of random plants, from seed 1001 on, each calibrated and identified first
     #[arg(long)]
     rig: Option<RigPreset>,
-    /// The same for all plants instead of drawn by chance, for example friction=0N
-    #[arg(long, value_name = "KEY=VALUE")]
-    plant: Vec<PlantChange>,
     /// Folder for comparison.svg and comparison.csv, or with --rig comparison-RIG.svg and comparison-RIG.csv
     #[arg(long, value_name = "DIR", default_value = "docs")]
     out: PathBuf,
@@ -68,17 +65,11 @@ fn extremes(plants: &[Subject], keys: &[PlantKey]) -> Vec<u64> {
 /// # Errors
 /// If the firmware fails on the rig of its own model, or a file cannot be written.
 pub fn study(arguments: &Arguments) -> Result<Study> {
-    if let Some(s) = arguments.plant.iter().find(|s| [PlantKey::Load, PlantKey::TwistAtBoot].contains(&s.key)) {
-        bail!("--plant {}: the scenarios say that", s.key);
-    }
     let scenarios = scenario::comparison()?;
-    let fixed = |plant: Subject| arguments.plant.iter().fold(plant, |plant, change| plant.with(*change));
     let (plants, kind) = plants(arguments.rig, arguments.plants);
-    let plants: Vec<Subject> = plants.into_iter().map(fixed).collect();
     eprintln!("{} scenarios on {} {kind} by the firmware's control …", scenarios.len(), plants.len());
     let comparison = Comparison::new(&scenarios, &plants).map_err(|e| anyhow!(e))?;
-    let same = arguments.plant.iter().map(|s| format!("On every plant {} = {} (SI units).", s.key, s.value));
-    let mut notes: Vec<String> = same.collect();
+    let mut notes = Vec::new();
     comparison.failures.iter().for_each(|failure| eprintln!("a failed: {failure}"));
     let (keys, felt) = felt(arguments.rig);
     let mut reached = vec![("a  this controller", comparison.play(None))];

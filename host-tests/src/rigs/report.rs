@@ -2,7 +2,6 @@
 
 use super::Scored;
 use super::floor::{Check, Finding, Floor};
-use super::trial::NOT_HOMED;
 use crate::study::{Sorted, Study};
 use anyhow::{Context, Result};
 use rig_plant::RigPreset;
@@ -133,29 +132,11 @@ impl Results<'_> {
     }
 
     /// The same in words: where, what, and when or why.
-    pub fn failures(&self, wanted: impl Fn(&Finding) -> bool) -> Vec<String> {
+    pub fn failures(&self) -> Vec<String> {
         let words = |(scored, f): (&Scored, &Finding)| {
             format!("{}{}: {}: {}", scored.subject, under(f), f.check.row().unwrap_or(f.check.name()), shown(f))
         };
-        self.failed().filter(|(_, f)| wanted(f)).map(words).collect()
-    }
-
-    /// The rows, then every case that misses its floor. Of a boot that could not be homed only that is listed.
-    pub fn study(&self) -> Study {
-        let mut study = Study::new(["", "rigs", "floor", "cases", "median; 95 %; worst", "met"]);
-        for line in self.lines() {
-            let what = match (&line.effect, line.factor) {
-                (Some(effect), Some(factor)) => format!("{effect} × {factor}, by the floors of {}", self.kind),
-                (Some(effect), None) => format!("{}, {effect} alone", self.kind),
-                _ => self.kind.to_string(),
-            };
-            let cases = line.cases.to_string();
-            study.row([line.name(), what, line.floor.clone().unwrap_or("-".into()), cases, line.spread(), line.met()]);
-        }
-        let (rigs, kind, table, failed) = (self.rigs(), self.kind, self.table(), self.failed().count());
-        study.notes = vec![format!("{rigs} {kind} rigs, {table}: {failed} cases miss their floor.")];
-        study.notes.extend(self.failures(|f| f.note != NOT_HOMED));
-        study
+        self.failed().map(words).collect()
     }
 }
 
@@ -164,13 +145,9 @@ impl Results<'_> {
 /// # Errors
 /// If one cannot be written.
 pub fn files(groups: &[Results<'_>]) -> Result<[(&'static str, String); 2]> {
-    let json =
-        groups.iter().map(|group| serde_json::json!({"rows": group.lines(), "failed": group.failures(|_| true)}));
+    let json = groups.iter().map(|group| serde_json::json!({"rows": group.lines(), "failed": group.failures()}));
     let json = serde_json::to_string_pretty(&json.collect::<Vec<_>>())?;
-    let mut writer = csv::Writer::from_writer(Vec::new());
-    groups.iter().flat_map(Results::lines).try_for_each(|row| writer.serialize(row))?;
-    let summary = String::from_utf8(writer.into_inner().map_err(|e| e.into_error())?).context("the CSV is no text")?;
-    Ok([("-summary.csv", summary), (".json", json)])
+    Ok([("-summary.csv", lab::csv(groups.iter().flat_map(Results::lines))?), (".json", json)])
 }
 
 fn load_n(finding: &Finding) -> f64 {

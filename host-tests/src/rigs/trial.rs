@@ -41,7 +41,7 @@ const ASKED: [Check; 8] = [
 ];
 
 /// Why all other checks of a boot have no value.
-pub const NOT_HOMED: &str = "not homed";
+const NOT_HOMED: &str = "not homed";
 
 /// By what name homing was refused.
 pub fn not_homed(bench: &ControlBench, why: &str) -> String {
@@ -95,18 +95,16 @@ impl Trial {
     }
 
     fn run(&mut self, other_kg: f64) -> Option<Vec<Record>> {
-        match self.bench.home() {
-            Ok(seconds) => self.homed(seconds),
-            Err(why) => {
-                let named = not_homed(&self.bench, &why);
-                self.found(Check::Zero, None, &named);
-                let rest = nothing(self.load_kg, NOT_HOMED);
-                self.findings.extend(rest.into_iter().filter(|finding| finding.check != Check::Zero));
-                return None;
-            }
+        if let Err(why) = self.bench.home() {
+            let named = not_homed(&self.bench, &why);
+            self.found(Check::Zero, None, &named);
+            let rest = nothing(self.load_kg, NOT_HOMED);
+            self.findings.extend(rest.into_iter().filter(|finding| finding.check != Check::Zero));
+            return None;
         }
-        self.rest();
-        let records = self.follow();
+        self.homed();
+        self.part(&[Check::RestMeasured, Check::Hunting, Check::RestTrue], Self::rest);
+        let records = self.part(&[Check::FollowRms, Check::FollowMax], Self::follow);
         self.step_load(other_kg);
         for target_m in MOVES_M {
             if let Err(why) = self.go(target_m) {
@@ -121,8 +119,16 @@ impl Trial {
         records
     }
 
-    fn homed(&mut self, seconds: f64) {
-        self.found(Check::HomingTime, seconds, "");
+    /// Does a part of the trial. What it should have found has no value where it fails.
+    fn part<T>(&mut self, checks: &[Check], part: impl FnOnce(&mut Self) -> Result<T, String>) -> Option<T> {
+        let done = part(self);
+        if let Err(why) = &done {
+            checks.iter().for_each(|check| self.found(*check, None, why));
+        }
+        done.ok()
+    }
+
+    fn homed(&mut self) {
         let told = self.bench.last.as_ref().and_then(|last| last.telemetry.twist_rad);
         let zero_error = told.map(|told| f64::from(told) - self.bench.truth().twist_rad.abs());
         self.found(Check::Zero, zero_error, "");
@@ -148,13 +154,11 @@ impl Trial {
         if let (Some(reported_n), Some(stated_n)) = (t.load_n, t.load_error_n) {
             let (error_n, stated_n) = ((f64::from(reported_n) - true_n).abs(), f64::from(stated_n));
             self.found(Check::LoadCover, f64::from(u8::from(error_n <= stated_n)), when);
-            self.found(Check::LoadStated, stated_n / true_n, when);
             self.found(Check::Certain, error_n / stated_n, when);
         }
         if let (Some(reported_m), Some(stated_m)) = (t.position_m, t.position_error_m) {
             let error_m = (f64::from(reported_m) - self.bench.true_position_m()).abs();
             self.found(Check::PositionCover, f64::from(u8::from(error_m <= f64::from(stated_m))), when);
-            self.found(Check::PositionStated, f64::from(stated_m), when);
         }
     }
 
@@ -215,12 +219,8 @@ impl Trial {
         self.end(&format!("move to {:.0} mm", target_m * 1e3))
     }
 
-    fn rest(&mut self) {
-        const AT_REST: [Check; 3] = [Check::RestMeasured, Check::Hunting, Check::RestTrue];
-        if let Err(why) = self.go(REST_M) {
-            AT_REST.into_iter().for_each(|check| self.found(check, None, &why));
-            return;
-        }
+    fn rest(&mut self) -> Result<(), String> {
+        self.go(REST_M)?;
         let target_m = f64::from(REST_M);
         let (mut measured_m, mut twists) = (Vec::new(), Vec::new());
         let mut truly_m = 0.0f64;
@@ -233,41 +233,28 @@ impl Trial {
             bench.control.state() != State::Holding
         });
         if left {
-            let why = match self.bench.control.state() {
+            return Err(match self.bench.control.state() {
                 State::Fault => self.fault("at rest"),
                 state => format!("at rest: ends as {state}"),
-            };
-            AT_REST.into_iter().for_each(|check| self.found(check, None, &why));
-            return;
+            });
         }
-        let count = measured_m.len().max(1) as f64;
         let averaged = measured_m.chunks_exact(AVERAGED).map(|some| some.iter().sum::<f64>() / AVERAGED as f64);
         self.found(Check::RestMeasured, averaged.map(f64::abs).fold(0.0, f64::max), "");
-        self.found(Check::RestRms, (measured_m.iter().map(|m| m * m).sum::<f64>() / count).sqrt(), "");
-        self.found(Check::RestRaw, measured_m.iter().map(|m| m.abs()).fold(0.0, f64::max), "");
         self.found(Check::RestTrue, truly_m, "");
         self.found(Check::Hunting, reversals(&twists, REVERSAL_RAD) as f64, "");
         self.stated("rest");
-        self.found(Check::Travel, twists.windows(2).map(|pair| (pair[1] - pair[0]).abs()).sum::<f64>(), "");
+        Ok(())
     }
 
     /// Up and down at the speed of every move.
-    fn follow(&mut self) -> Option<Vec<Record>> {
+    fn follow(&mut self) -> Result<Vec<Record>, String> {
         let [low_m, high_m] = FOLLOW_M;
-        let result = self.go(low_m).and_then(|()| Ok(vec![self.recorded(high_m)?, self.recorded(low_m)?]));
-        match result {
-            Ok(records) => {
-                let summary = Summary::new(&records.iter().map(Score::new).collect::<Vec<_>>());
-                self.found(Check::FollowRms, summary.rms_m, "");
-                self.found(Check::FollowMax, summary.max_m, "");
-                Some(records)
-            }
-            Err(why) => {
-                self.found(Check::FollowRms, None, &why);
-                self.found(Check::FollowMax, None, &why);
-                None
-            }
-        }
+        self.go(low_m)?;
+        let records = vec![self.recorded(high_m)?, self.recorded(low_m)?];
+        let summary = Summary::new(&records.iter().map(Score::new).collect::<Vec<_>>());
+        self.found(Check::FollowRms, summary.rms_m, "");
+        self.found(Check::FollowMax, summary.max_m, "");
+        Ok(records)
     }
 
     /// A move with its set-points and true positions.
@@ -291,26 +278,19 @@ impl Trial {
         let ready = self.go(REST_M);
         let (first_kg, ways) = (self.load_kg, [(other_kg, "there"), (self.load_kg, "back")]);
         for (load_kg, way) in ways {
-            let when = format!("step {way}, to {load_kg} kg");
-            if let Err(why) = &ready {
-                self.found(Check::LoadStep, None, why);
-                continue;
-            }
-            let load_n = load_kg * STANDARD_GRAVITY;
-            if let Err(why) = self.bench.rig.set_plant("load", &load_n.to_string()) {
-                self.found(Check::LoadStep, None, &why.to_string());
-                continue;
-            }
-            self.load_kg = load_kg;
-            self.bench.run(TOLD_S);
-            let faults = self.bench.control.faults();
-            self.load(Check::LoadStep, &when);
-            // The load has moved by itself, so a fault has a cause: held and told is what is asked.
-            let failed = self.bench.control.state() == State::Fault;
-            self.found(Check::StepFaults, f64::from(u8::from(failed)), &format!("{when}: {faults}"));
-            if failed {
-                self.recover();
-            }
+            self.part(&[Check::LoadStep], |trial| {
+                ready.clone()?;
+                let load_n = load_kg * STANDARD_GRAVITY;
+                trial.bench.rig.set_plant("load", &load_n.to_string()).map_err(|e| e.to_string())?;
+                trial.load_kg = load_kg;
+                trial.bench.run(TOLD_S);
+                trial.load(Check::LoadStep, &format!("step {way}, to {load_kg} kg"));
+                // The load has moved by itself, so a fault has a cause: held and told is what is asked.
+                if trial.bench.control.state() == State::Fault {
+                    trial.recover();
+                }
+                Ok(())
+            });
         }
         self.load_kg = first_kg;
     }

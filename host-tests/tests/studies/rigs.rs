@@ -35,7 +35,7 @@ fn a_good_run_meets_every_floor_and_a_wrong_load_is_noticed() {
     let results = groups(&scored).remove(0);
     let line = results.line(Check::LoadHomed);
     assert_eq!(line.holds, Some(false));
-    let failed = results.failures(|_| true);
+    let failed = results.failures();
     assert_eq!(failed.len(), before + 1);
     let named =
         |text: &&String| text.contains("rig 2") && text.contains("0.5 kg") && text.contains("load after homing");
