@@ -31,7 +31,10 @@ pub mod table_report;
 pub mod trace;
 
 /// Rows as CSV; their fields' names are the header.
-pub(crate) fn csv(rows: impl IntoIterator<Item = impl serde::Serialize>) -> anyhow::Result<String> {
+///
+/// # Errors
+/// If a row is nested.
+pub fn csv(rows: impl IntoIterator<Item = impl serde::Serialize>) -> anyhow::Result<String> {
     written(csv::Writer::from_writer(Vec::new()), rows)
 }
 

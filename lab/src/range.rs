@@ -82,23 +82,14 @@ fn limits_of(name: &str, quantity: Quantity, text: &str) -> Result<[f64; 2], Opt
     Ok([limit(from)?, limit(to)?])
 }
 
-/// Turns past the half-turn pre-twist, from fewer to more.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct TurnRange {
-    /// Fewer.
-    pub from: f64,
-    /// More.
-    pub to: f64,
-}
-
-impl FromStr for TurnRange {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let form = || format!("turns: `{text}` is not FROM..TO, for example 0..7.5");
-        let [from, to] = limits_of("turns", Quantity::Turns, text).map_err(|e| e.unwrap_or_else(form))?;
-        if from < to { Ok(Self { from, to }) } else { Err(format!("turns: {to} is not more than {from}")) }
-    }
+/// Reads turns past the half-turn pre-twist, from fewer to more.
+///
+/// # Errors
+/// In words, if there are not two in this order.
+pub fn turn_range(text: &str) -> Result<[f64; 2], String> {
+    let form = || format!("turns: `{text}` is not FROM..TO, for example 0..7.5");
+    let [from, to] = limits_of("turns", Quantity::Turns, text).map_err(|e| e.unwrap_or_else(form))?;
+    if from < to { Ok([from, to]) } else { Err(format!("turns: {to} is not more than {from}")) }
 }
 
 #[cfg(test)]
@@ -134,7 +125,7 @@ mod tests {
             assert!(message.contains(named), "{text}: {message}");
         }
         for text in ["7.5", "7..1", "0..x", "1..1"] {
-            assert!(text.parse::<TurnRange>().unwrap_err().contains("turns"), "{text}");
+            assert!(turn_range(text).unwrap_err().contains("turns"), "{text}");
         }
     }
 }

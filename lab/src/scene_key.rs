@@ -22,30 +22,33 @@ pub const SYMBOLS: [(&str, &str); 11] = [
 /// Why a key could not be changed.
 #[derive(Debug, thiserror::Error)]
 pub enum KeyError {
-    /// Neither a symbol nor `table.key`.
-    #[error("`{0}` is no scene key: give one as in a scene file (geometry.rod_span_m) or one of {list}", list = symbols())]
-    Form(String),
-    /// The scene has no such key, or not of this type.
-    #[error("scene key `{key}`: {reason}")]
-    Unknown {
-        /// The key.
-        key: String,
-        /// What is wrong, with the keys that exist.
-        reason: String,
-    },
+    /// Neither a symbol nor `table.key`, or the scene has no such key, or not of this type.
+    #[error("{0}")]
+    Key(String),
     /// No rig can have this value.
     #[error(transparent)]
     Value(#[from] SceneError),
+}
+
+impl KeyError {
+    /// Of a name that is neither a symbol nor `table.key`.
+    pub fn form(name: &str) -> Self {
+        let symbols = SYMBOLS.map(|(symbol, _)| symbol).join(", ");
+        Self::Key(format!(
+            "`{name}` is no scene key: give one as in a scene file (geometry.rod_span_m) or one of {symbols}"
+        ))
+    }
+
+    /// Of a key with what is wrong.
+    pub fn unknown(key: &str, reason: &str) -> Self {
+        Self::Key(format!("scene key `{key}`: {}", reason.trim()))
+    }
 }
 
 impl From<ParameterError> for KeyError {
     fn from(error: ParameterError) -> Self {
         Self::Value(error.into())
     }
-}
-
-fn symbols() -> String {
-    SYMBOLS.map(|(symbol, _)| symbol).join(", ")
 }
 
 /// The key as in a scene file.
@@ -84,9 +87,9 @@ pub fn shown(key: &str, value: f64) -> String {
 pub fn set(scene: &Scene, name: &str, value: toml::Value) -> Result<Scene, KeyError> {
     let full = full_name(name);
     let Some((table, key)) = full.split_once('.').filter(|(table, key)| !table.is_empty() && !key.is_empty()) else {
-        return Err(KeyError::Form(name.into()));
+        return Err(KeyError::form(name));
     };
-    let unknown = |reason: &str| KeyError::Unknown { key: full.into(), reason: reason.trim().into() };
+    let unknown = |reason: &str| KeyError::unknown(full, reason);
     let mut file = toml::Table::try_from(scene).map_err(|e| unknown(&e.to_string()))?;
     file.entry(table)
         .or_insert_with(|| toml::Table::new().into())

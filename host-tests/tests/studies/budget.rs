@@ -79,7 +79,7 @@ fn the_sensor_makes_the_position_as_wrong_as_the_budget_says() {
                 bench.true_position_m() - f64::from(REST_M)
             })
             .collect();
-        let half_width = fraction(&at_rest(), Part::Sensor, keys("LVDT and converter"), kind).position_m.all;
+        let half_width = fraction(&at_rest(), Part::Sensor, keys("LVDT and converter"), kind).position_m;
         compare(&format!("sensor, {kind}, at rest"), rms(&errors), half_width, [0.5, 2.0]);
     }
 }
@@ -99,7 +99,7 @@ fn stiction_leaves_the_load_where_the_budget_says() {
                 });
             }
         }
-        let half_width = fraction(&at_rest(), Part::Friction, keys("rail friction"), kind).position_m.all;
+        let half_width = fraction(&at_rest(), Part::Friction, keys("rail friction"), kind).position_m;
         compare(&format!("friction, {kind}, in moves"), rms(&errors), half_width, [0.4, 2.5]);
     }
 }
@@ -128,6 +128,6 @@ fn a_rough_table_makes_the_load_as_wrong_as_the_budget_says() {
     let scene = Scene { envelope: Some(Envelope { load_n: [1.5, 14.7], turns: [0.0, 7.5] }), ..scene().clone() };
     let mut budget = Budget::new(&scene, &RigErrors { sizes: &|key| kind.rms(key), gauge_m: None }).expect("a budget");
     budget.set_table(&fit.table.table());
-    let half_width = budget.fraction(Part::Table).load.all;
+    let half_width = budget.fraction(Part::Table).load;
     compare("table, nominal, load after homing", rms(&loads), half_width, [0.1, 3.0]);
 }

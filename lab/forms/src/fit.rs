@@ -206,25 +206,15 @@ fn better(a: &Candidate, b: &Candidate) -> bool {
 /// Σ c_k T_k written in powers.
 fn powers(chebyshev: &[f64]) -> Vec<f64> {
     let n = chebyshev.len();
-    let (mut previous, mut current) = (vec![0.0; n], vec![0.0; n]);
+    // T_k and T_(k + 1).
+    let [mut term, mut next] = [vec![0.0; n + 2], vec![0.0; n + 2]];
+    (term[0], next[1]) = (1.0, 1.0);
     let mut sum = vec![0.0; n];
-    if n == 0 {
-        return sum;
-    }
-    previous[0] = 1.0;
-    if n > 1 {
-        current[1] = 1.0;
-    }
-    sum[0] = chebyshev[0];
-    for c in &chebyshev[1..] {
-        for (s, t) in sum.iter_mut().zip(&current) {
-            *s += c * t;
-        }
-        let mut next: Vec<f64> = previous.iter().map(|p| -p).collect();
-        for k in 1..n {
-            next[k] += 2.0 * current[k - 1];
-        }
-        previous = std::mem::replace(&mut current, next);
+    for c in chebyshev {
+        sum.iter_mut().zip(&term).for_each(|(sum, t)| *sum += c * t);
+        let mut after: Vec<f64> = term.iter().map(|t| -t).collect();
+        after[1..].iter_mut().zip(&next).for_each(|(after, t)| *after += 2.0 * t);
+        (term, next) = (next, after);
     }
     sum
 }

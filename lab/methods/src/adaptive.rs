@@ -17,8 +17,7 @@ pub(crate) fn respond(
 ) -> Result<RodResponse, SolveError> {
     let by_moment = plain(rod, force).map(Dual::of);
     let moment = correct(rod, force, 0.1 * tolerance, &mut |moment| {
-        let tip = adaptive_shot::<1, 8>(&by_moment, moment, tolerance, evaluations)?;
-        Ok((tip, (0.0, 0.0)))
+        adaptive_shot::<1, 8>(&by_moment, moment, tolerance, evaluations)
     })?;
     let ode = with_compliance(rod, force);
     let start = Dual::of(moment);

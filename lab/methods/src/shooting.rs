@@ -11,15 +11,15 @@ const CORRECTIONS: u32 = 60;
 /// Maximum relaxations of the helix angle.
 const RELAXATIONS: u32 = 500;
 
-/// An integration from the clamp: initial moment in, tip and clamp strain out.
-type Shot<'a> = &'a mut dyn FnMut(Dual<1>) -> Result<(Point<Dual<1>>, (f64, f64)), SolveError>;
+/// An integration from the clamp: initial moment in, tip out.
+type Shot<'a> = &'a mut dyn FnMut(Dual<1>) -> Result<Point<Dual<1>>, SolveError>;
 
 /// Newton–Raphson on the clamp's moment, starting from that of the straight rod, M = Py l.
 pub(crate) fn correct(rod: &Rod, force: TipForce, tolerance: f64, shot: Shot<'_>) -> Result<f64, SolveError> {
     let scale = force.sideways_n * rod.length_m / (rod.stiffness_n * rod.radius_m);
     let mut moment = scale;
     for _ in 0..CORRECTIONS {
-        let (tip, _) = shot(Dual::parameter(moment, 0))?;
+        let tip = shot(Dual::parameter(moment, 0))?;
         let step = tip[1].value / tip[1].by[0];
         if !step.is_finite() {
             break;
@@ -74,7 +74,8 @@ fn respond(
     evaluations: &mut u32,
 ) -> Result<RodResponse, SolveError> {
     let by_moment = plain(rod, force).map(Dual::of);
-    let moment = correct(rod, force, tolerance, &mut |moment| runge_kutta(&by_moment, moment, steps, evaluations))?;
+    let moment =
+        correct(rod, force, tolerance, &mut |moment| Ok(runge_kutta(&by_moment, moment, steps, evaluations)?.0))?;
     // One Newton step in numbers that carry derivatives by the force gives those of the solution.
     let slope = runge_kutta(&by_moment, Dual::parameter(moment, 0), steps, evaluations)?.0[1].by[0];
     let ode = with_compliance(rod, force);
@@ -128,7 +129,7 @@ mod tests {
             let mut ode = plain(&rod, force);
             ode.slenderness = rod.length_m / rod.radius_m;
             let dual = ode.map(Dual::of);
-            correct(&rod, force, 1e-14, &mut |m| runge_kutta(&dual, m, 2000, &mut 0)).unwrap()
+            correct(&rod, force, 1e-14, &mut |m| Ok(runge_kutta(&dual, m, 2000, &mut 0)?.0)).unwrap()
         };
         let mut values = Vec::new();
         for part in 0..=10 {

@@ -39,6 +39,13 @@ pub(super) struct Effect {
     pub misread: bool,
 }
 
+impl Effect {
+    /// One that does not change after homing.
+    pub fn homed(part: Part, homed: Vec<f64>) -> Self {
+        Self { part, later: vec![0.0; homed.len()], homed, misread: false }
+    }
+}
+
 /// Errors that are no change of the gap: of the position (m) and of the load (relative), standard deviations at each state.
 pub(super) struct Direct {
     pub part: Part,
@@ -74,20 +81,17 @@ impl Effects<'_> {
     pub fn gaps(&self) -> Vec<Effect> {
         let mut all = self.sensor();
         all.extend(self.memory());
-        let homed = |part, homed| Effect { part, homed, later: self.column.each(|_| 0.0), misread: false };
         let shift = self.size(PlantKey::TwistExponentShift);
-        all.push(homed(Part::Law, self.column.each(|s| s.by_arc * s.arc_by_exponent * shift)));
+        all.push(Effect::homed(Part::Law, self.column.each(|s| s.by_arc * s.arc_by_exponent * shift)));
         let temperature = ROD_STRESS_PER_K * self.size(PlantKey::Temperature);
-        all.push(homed(Part::Law, self.column.each(|s| s.by_stress * temperature * rod_onset(s.strain)[0])));
+        all.push(Effect::homed(Part::Law, self.column.each(|s| s.by_stress * temperature * rod_onset(s.strain)[0])));
         all
     }
 
     fn sensor(&self) -> Vec<Effect> {
         let misread = |of: &dyn Fn(f64) -> f64| Effect {
-            part: Part::Sensor,
-            homed: self.column.each(|s| of(s.gap_m)),
-            later: self.column.each(|_| 0.0),
             misread: true,
+            ..Effect::homed(Part::Sensor, self.column.each(|s| of(s.gap_m)))
         };
         let rig = &self.scene.rig;
         let gain = LVDT_GAIN_PER_K * self.size(PlantKey::Temperature);

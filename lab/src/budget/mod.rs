@@ -77,35 +77,13 @@ pub struct RigErrors<'a> {
     pub gauge_m: Option<f64>,
 }
 
-/// An error at a state.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct At {
-    /// 90 % half width: of the position (m), or of the load, relative.
-    pub error: f64,
-    /// Load (N).
-    pub load_n: f64,
-    /// Turns past the half-turn pre-twist.
-    pub turns: f64,
-}
-
-/// An error over the envelope.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Spread {
-    /// 90 % half width over all rigs and states.
-    pub all: f64,
-    /// Where it is about as large as that.
-    pub typical: At,
-    /// Where it is largest.
-    pub worst: At,
-}
-
-/// What a part contributes.
+/// What a part contributes: 90 % half widths over all rigs and states.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fraction {
     /// To the error of the position (m).
-    pub position_m: Spread,
+    pub position_m: f64,
     /// To that of the load, as a fraction of the load.
-    pub load: Spread,
+    pub load: f64,
 }
 
 /// Variances of position (m²) and load (relative, squared).
@@ -147,8 +125,7 @@ impl<'a> Budget<'a> {
         let Some(changes) = changes else { return false };
         for (under, homed) in self.under.iter_mut().zip(changes) {
             under.clear(Part::Tier);
-            let later = vec![0.0; homed.len()];
-            under.add_gap(&Effect { part: Part::Tier, homed, later, misread: false });
+            under.add_gap(&Effect::homed(Part::Tier, homed));
         }
         true
     }
@@ -158,8 +135,8 @@ impl<'a> Budget<'a> {
         for under in &mut self.under {
             under.clear(Part::Table);
             let gap_m = |s: &State| f64::from(table.point_inside(s.load_n as f32, s.twist_rad as f32).gap_m) - s.gap_m;
-            let (homed, later) = (under.column.each(gap_m), under.column.each(|_| 0.0));
-            under.add_gap(&Effect { part: Part::Table, homed, later, misread: false });
+            let homed = under.column.each(gap_m);
+            under.add_gap(&Effect::homed(Part::Table, homed));
         }
     }
 
@@ -195,12 +172,10 @@ impl<'a> Budget<'a> {
     /// The cheapest tier of the model that raises the errors of all other parts by no more than [`WORTH`]; the budget has it
     /// then.
     pub fn choose_tier(&mut self) -> Tier {
-        let without = self.variances(&others()).map(|v| half_width(&v));
+        let without = self.spread(&others());
         let enough = |budget: &Self| {
-            let mut parts = others().to_vec();
-            parts.push(Part::Tier);
-            let with = budget.variances(&parts).map(|v| half_width(&v));
-            (0..2).all(|k| with[k] <= (1.0 + WORTH) * without[k])
+            let with = budget.spread(&[&others()[..], &[Part::Tier]].concat());
+            with.position_m <= (1.0 + WORTH) * without.position_m && with.load <= (1.0 + WORTH) * without.load
         };
         let cheapest = Tier::ALL.into_iter().find(|tier| self.set_tier(*tier) && enough(self));
         cheapest.unwrap_or(Tier::Full)
@@ -221,19 +196,7 @@ impl<'a> Budget<'a> {
     }
 
     fn spread(&self, parts: &[Part]) -> Fraction {
-        let [position_m, load] = self.variances(parts).map(|variances| {
-            let all = half_width(&variances);
-            let at = |((under, k), variance): ((&Under, usize), &f64)| {
-                let state = &under.column.0[k];
-                At { error: NINETY * variance.sqrt(), load_n: state.load_n, turns: state.turns() }
-            };
-            let states: Vec<At> = self.states().zip(&variances).map(at).collect();
-            let near = |a: &&At| (a.error - all).abs();
-            let typical = states.iter().min_by(|a, b| near(a).total_cmp(&near(b)));
-            let worst = states.iter().max_by(|a, b| a.error.total_cmp(&b.error));
-            let none = At { error: all, load_n: 0.0, turns: 0.0 };
-            Spread { all, typical: *typical.unwrap_or(&none), worst: *worst.unwrap_or(&none) }
-        });
+        let [position_m, load] = self.variances(parts).map(|variances| half_width(&variances));
         Fraction { position_m, load }
     }
 }

@@ -1,14 +1,14 @@
 //! `tsa-lab budget`: what each part of a rig contributes to the errors of position and load, and how accurate a table is worth
 //! having.
 
-use super::{At, Budget, Fraction, Part, RigErrors, SESSION_S, SPEED_M_PER_S, Spread, WORTH};
+use super::{Budget, Fraction, Part, RigErrors, SESSION_S, SPEED_M_PER_S, WORTH};
 use rig_config::{Accuracy, Scene, SceneError, TableError};
 use rig_plant::RigPreset;
 use rigctl::failure::Failure;
 use rigctl::options::Global;
 use rigctl::options::values::gauge_error;
 use rigctl::output::{Output, progress};
-use rigctl::units::{MM_PER_S, N, PERCENT, S, TURNS, UM, Unit};
+use rigctl::units::{MM_PER_S, N, PERCENT, S, TURNS, UM};
 use serde::Serialize;
 use std::path::Path;
 use tsa_table::fit::{Fit, FitError};
@@ -81,8 +81,7 @@ impl Arguments {
         }
         let tier = budget.choose_tier().name();
         let parts = Part::ALL.map(|part| (part.name(), budget.fraction(part)));
-        for (part, Fraction { position_m, load }) in &parts {
-            let [position_m, load_relative] = [position_m.all, load.all];
+        for (part, Fraction { position_m, load: load_relative }) in &parts {
             let object = serde_json::json!({ "part": part, "position_m": position_m, "load_relative": load_relative });
             output.object(&object)?;
         }
@@ -100,12 +99,10 @@ impl Arguments {
             MM_PER_S.exact(SPEED_M_PER_S),
             S.exact(SESSION_S)
         ))?;
-        let at = "worst; typical (N, turns)";
-        output.line(format!("{:<9} {:>11}   {at:<34} {:>8}   {at}", "part", "position", "load"))?;
-        parts
-            .iter()
-            .chain([&("total", budget.total())])
-            .try_for_each(|(part, fraction)| output.line(row(part, fraction)))?;
+        output.line(format!("{:<9} {:>11} {:>8}", "part", "position", "load"))?;
+        parts.iter().chain([&("total", budget.total())]).try_for_each(|(part, Fraction { position_m, load })| {
+            output.line(format!("{part:<9} {:>11} {:>8}", UM.error(*position_m), PERCENT.error(*load)))
+        })?;
         let enough = TableCost::new(worth, enough);
         output.line(format!(
             "more than {} buys nothing: the total of the other parts rises by {} at most",
@@ -138,9 +135,8 @@ impl Arguments {
             let used = scene.accuracy.map(cost).transpose()?;
             for kind in RigPreset::ALL {
                 let mut budget = self.budget(&scene, kind)?;
-                let (Fraction { position_m, load }, enough) = (budget.total(), cost(budget.worth())?);
+                let (Fraction { position_m, load: load_relative }, enough) = (budget.total(), cost(budget.worth())?);
                 let (tier, rig, used) = (budget.choose_tier().name(), kind.name(), used.clone());
-                let [position_m, load_relative] = [position_m.all, load.all];
                 let enough = Enough { scene: &name, rig, position_m, load_relative, tier, enough, used };
                 output.object(&enough)?;
                 output.line(enough.text())?;
@@ -180,15 +176,6 @@ fn scenes(folder: &Path) -> Result<Vec<(String, Scene)>, Failure> {
     let mut found = files.iter().map(load).collect::<Result<Vec<(String, Scene)>, Failure>>()?;
     found.retain(|(_, scene)| scene.envelope.is_some());
     Ok(found)
-}
-
-fn row(part: &str, Fraction { position_m, load }: &Fraction) -> String {
-    let places = |Spread { worst, typical, .. }: &Spread, unit: Unit| {
-        let place = |at: &At| format!("{}, {}", N.number(at.load_n, 1.0), TURNS.number(at.turns, 0.1));
-        format!("{} at {}; {}", unit.error(worst.error), place(worst), place(typical))
-    };
-    let [positions, loads] = [places(position_m, UM), places(load, PERCENT)];
-    format!("{part:<9} {:>11}   {positions:<34} {:>8}   {loads}", UM.error(position_m.all), PERCENT.error(load.all))
 }
 
 impl TableCost {

@@ -71,7 +71,7 @@ pub(super) struct Seen {
 }
 
 /// One period: the next target of the drive (rad) with a lead (s), and what is kept.
-pub(super) fn step(kept: &[f64], seen: &Seen, believed: &OperatingPoint, lead_s: f64) -> (f64, [f64; KEPT]) {
+pub(super) fn step(kept: &[f64], seen: &Seen, believed: &OperatingPoint, lead_s: f64) -> (f64, Vec<f64>) {
     let [shaft_rad, speed] = [kept[0], kept[1]];
     let motion = Motion { gap_m: kept[2], speed: kept[3], weight_n: kept[4], pull_n: kept[5], twist_rad: kept[6] };
     let at_measurement = motion.after(believed, seen.period_s, seen.twist_then_rad);
@@ -87,6 +87,6 @@ pub(super) fn step(kept: &[f64], seen: &Seen, believed: &OperatingPoint, lead_s:
     let feedback = place + f64::from(damping_fraction(frequency as f32)) * damping;
     let speed = believed.tr_rad_per_m * feedback;
     let shaft_rad = shaft_rad + speed * seen.period_s;
-    let kept = [shaft_rad, speed, now.gap_m, now.speed, now.weight_n, now.pull_n, now.twist_rad];
+    let kept = vec![shaft_rad, speed, now.gap_m, now.speed, now.weight_n, now.pull_n, now.twist_rad];
     (shaft_rad + lead_s * speed, kept)
 }

@@ -175,26 +175,21 @@ impl OperatingPoint {
             under_way.extend(&state[kept..]);
             let given_m = under_way[waiting] + beside_m;
             under_way.truncate(waiting);
-            if loop_.damps {
+            let (target, kept) = if loop_.damps {
                 // The firmware knows the age of the block, but not a further delay.
                 let (age_s, twist_rad) = (AGE_S.min(period), rig[2]);
                 let twist_then_rad = twist_rad - (twist_rad - state[2]) * age_s / period;
                 let position_m = loop_.gain_per_s * given_m;
                 let seen = damped::Seen { position_m, twist_then_rad, twist_rad, age_s, period_s: period };
-                let (target, kept) = damped::step(&state[5..kept], &seen, &believed, LEAD_S);
-                return (
-                    rig.iter().copied().chain([target]).chain(kept).chain(under_way).collect::<Vec<f64>>(),
-                    given_m,
-                );
-            }
-            let first = state[6] + blend * (-given_m - state[6]);
-            let second = state[7] + blend * (first - state[7]);
-            let speed = tr * loop_.gain_per_s * second;
-            let shaft = state[5] + speed * period;
-            let mut next: Vec<f64> = rig.iter().copied().collect();
-            next.extend([shaft + LEAD_S * speed, shaft, first, second]);
-            next.extend(under_way);
-            (next, given_m)
+                damped::step(&state[5..kept], &seen, &believed, LEAD_S)
+            } else {
+                let first = state[6] + blend * (-given_m - state[6]);
+                let second = state[7] + blend * (first - state[7]);
+                let speed = tr * loop_.gain_per_s * second;
+                let shaft = state[5] + speed * period;
+                (shaft + LEAD_S * speed, vec![shaft, first, second])
+            };
+            (rig.iter().copied().chain([target]).chain(kept).chain(under_way).collect::<Vec<f64>>(), given_m)
         };
         let (mut map, mut given) = (DMatrix::zeros(size, size), DVector::zeros(size));
         for column in 0..size {

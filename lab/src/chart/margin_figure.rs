@@ -96,10 +96,12 @@ pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
     let by_period =
         along(|c, period_s| LinearLoop { period_s, ..*c }, |step| 0.002 * (LONGEST_S / 0.002).powf(step / 40.0));
     for (k, (name, _)) in loops.iter().enumerate() {
-        let delays = by_delay[k].iter().map(|(t, margin)| ("delay", [None, None, number(*t), None, number(*margin)]));
-        let periods =
-            by_period[k].iter().map(|(t, margin)| ("period", [None, None, None, number(*t), number(*margin)]));
-        rows.extend(delays.chain(periods).map(|(kind, numbers)| (name.clone(), kind, numbers)));
+        for (kind, line) in [("delay", &by_delay[k]), ("period", &by_period[k])] {
+            rows.extend(line.iter().map(|(t, margin)| {
+                let [delay_s, period_s] = if kind == "delay" { [number(*t), None] } else { [None, number(*t)] };
+                (name.clone(), kind, [None, None, delay_s, period_s, number(*margin)])
+            }));
+        }
     }
     let figure = Figure {
         heading: "By how much the position loop's gain may grow before it is unstable".into(),

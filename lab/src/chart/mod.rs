@@ -10,7 +10,7 @@
 //! - `rigs`: one effect at a time that the table's model leaves out: errors, and what breaks as it is turned up.
 //! - `tiers`: the cheapest model over load and twist, and which model and table each of five scenes needs.
 //! - `margin_figure`: stability of the position loop in time, computed by [`margin`].
-//! - `stability`: every method over load and twist of some [`rods`]; [`grid`]: the states.
+//! - `stability`: every method over load and twist of some rods; [`grid`]: the states.
 
 mod closed_loop;
 mod damped;
@@ -19,7 +19,6 @@ pub mod margin;
 mod margin_figure;
 mod mechanism;
 mod rigs;
-pub mod rods;
 pub mod stability;
 mod table_size;
 mod target;

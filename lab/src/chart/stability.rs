@@ -5,17 +5,41 @@
 //! more than one equilibrium may exist.
 
 use super::grid::Grid;
-use super::rods::RODS;
 use super::work::in_words;
 use super::{Inputs, Made};
 use crate::table;
 use anyhow::Result;
 use baseline_methods::Method;
+use rig_config::Scene;
 use rigctl::parallel::{Progress, parallel};
 use rigctl::plot::{Axis, Block, Figure, INK, KeyRow, Panel, Pen, RGBColor};
 use std::f64::consts::PI;
 use tsa_model::rod::TipForce;
 use tsa_model::{Equilibrium, Mechanism, SolveError, twist_from_turns};
+
+/// A rod of the map: title, scene, D0 (m) and R (m); everything else is as in its scene.
+pub type Rod = (&'static str, &'static str, f64, f64);
+
+const PAPER: &str = include_str!("../../../scenes/paper-identified.toml");
+const PLATEAU: &str = include_str!("../../../scenes/niti-plateau.toml");
+
+/// From stout to slender; the second has a plateau. The map is about methods, not about the operator's scene: the same rods everywhere.
+pub const RODS: [Rod; 4] = [
+    ("paper's rod", PAPER, 0.032, 0.0005),
+    ("flat plateau", PLATEAU, 0.040, 0.0004),
+    ("slender", PAPER, 0.060, 0.0003),
+    ("more slender", PAPER, 0.080, 0.0003),
+];
+
+/// The mechanism with this rod.
+///
+/// # Errors
+/// If the scene cannot have this rod.
+pub fn with_rod((_, scene, rod_span_m, rod_radius_m): Rod) -> Result<Mechanism> {
+    let mut scene = Scene::from_toml_str(scene)?;
+    (scene.geometry.rod_span_m, scene.geometry.rod_radius_m) = (rod_span_m, rod_radius_m);
+    Ok(scene.mechanism()?)
+}
 
 const LOAD_N: [f64; 2] = [0.3, 20.0];
 const TURNS: [f64; 2] = [0.0, 8.0];
@@ -147,32 +171,35 @@ pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
     let grid = Grid::new(LOAD_N, CELLS.0, TURNS, CELLS.1);
     let states: Vec<_> = grid.states().iter().map(|(load, turns)| (*load, twist_from_turns(*turns))).collect();
     let (mut panels, mut rows, mut findings) = (vec![Vec::new(); methods.len()], Vec::new(), Vec::new());
-    for rod in &RODS {
-        let mechanism = rod.mechanism()?;
+    for rod in RODS {
+        let (of, _, span_m, radius_m) = rod;
+        let mechanism = with_rod(rod)?;
         let truths = parallel(progress, states.len(), |k| truth(&mechanism, states[k].0, states[k].1));
         let safe: Vec<Option<bool>> =
             truths.iter().map(|truth| truth.as_ref().ok().map(|e| is_safe(&mechanism, e))).collect();
         for (m, (name, method)) in methods.iter().enumerate() {
             let outcomes = judged(&mechanism, *method, &states, &truths, progress);
-            let title = if m == 0 { format!("{}, {:.0} radii", rod.title, rod.slenderness()) } else { String::new() };
+            // Free length over radius.
+            let slenderness = 0.5 * (span_m - 0.006) / radius_m;
+            let title = if m == 0 { format!("{of}, {slenderness:.0} radii") } else { String::new() };
             let mut panel = grid.panel(title, |k| outcomes[k].0.look().1);
             panel.items.extend([UNDER, SAFE].into_iter().flat_map(|pen| grid.edges(&safe, pen)));
             let ticks = [0.5, 2.0, 5.0, 10.0].map(|load| (load, format!("{load} N")));
             let x = if m + 1 == methods.len() { panel.x } else { panel.x.unnamed() };
             panels[m].push(Panel { x, y: Axis::log_named(in_words(name), LOAD_N, ticks.to_vec()), ..panel });
-            let what = (rod.title, rod.rod_span_m, rod.rod_radius_m, *name);
+            let what = (of, span_m, radius_m, *name);
             rows.extend(grid.states().iter().zip(&outcomes).zip(&safe).map(|(((load, turns), found), safe)| {
                 let (outcome, evaluations, kind) = *found;
                 let state = (format!("{load:.5}"), format!("{turns:.5}"));
                 (what, state, outcome.look().0, kind, *safe == Some(true), evaluations)
             }));
             let counts =
-                OUTCOMES.iter().map(|(of, ..)| (outcomes.iter().filter(|(o, ..)| o.look().0 == *of).count(), of));
+                OUTCOMES.iter().map(|(kind, ..)| (outcomes.iter().filter(|(o, ..)| o.look().0 == *kind).count(), kind));
             let counts =
-                counts.filter(|(n, _)| *n > 0).map(|(n, of)| format!("{n} {of}")).collect::<Vec<_>>().join(", ");
+                counts.filter(|(n, _)| *n > 0).map(|(n, kind)| format!("{n} {kind}")).collect::<Vec<_>>().join(", ");
             let failed = outcomes.iter().zip(&safe).filter(|((o, ..), safe)| **safe == Some(true) && o.is_failure());
             let failed = failed.count();
-            findings.push(format!("{:<18} {name:<18} {counts}; {failed} failures in the safe zone", rod.title));
+            findings.push(format!("{of:<18} {name:<18} {counts}; {failed} failures in the safe zone"));
         }
     }
     let outcomes = OUTCOMES.map(|(_, colour, meaning)| KeyRow::fill(colour, meaning));

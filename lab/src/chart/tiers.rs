@@ -2,12 +2,11 @@
 
 use super::grid::Grid;
 use super::{Inputs, Made};
-use crate::{csv, table};
+use crate::table;
 use anyhow::{Context, Result};
 use rig_config::Scene;
 use rigctl::parallel::parallel;
 use rigctl::plot::{Block, Figure, KeyRow, Panel, RGBColor};
-use serde::Serialize;
 use tsa_model::{Mechanism, SolveError, Tier, TierError, twist_from_turns};
 use tsa_table::instruction_model::lookup_instructions;
 
@@ -93,21 +92,11 @@ pub fn maps(inputs: &Inputs<'_>) -> Result<Made> {
     Made::new(&figure, table(header, rows)?, findings)
 }
 
-/// The model and table of one scene, a line of `scenes.csv`.
-#[derive(Serialize)]
-struct Needed {
-    scene: &'static str,
-    asked_contraction_m: f64,
-    asked_tr_relative: f64,
-    tier: &'static str,
-    tier_shares: String,
-    table_form: &'static str,
-    table_size: String,
-    bytes: usize,
-    predicted_instructions: u32,
-    contraction_error_m: String,
-    tr_relative_error: String,
-}
+/// A line of `scenes.csv`: the scene and the accuracy that it asks for; the tier, and how much of the plane each is enough for; the
+/// table's form and size; its bytes and instructions; its errors.
+type Needed = ((&'static str, f64, f64), (&'static str, String), (&'static str, String), (usize, u32), [String; 2]);
+const NEEDED: &str = "scene,asked_contraction_m,asked_tr_relative,tier,tier_shares,table_form,table_size,bytes,\
+    predicted_instructions,contraction_error_m,tr_relative_error";
 
 /// The models and tables of five scenes.
 ///
@@ -119,20 +108,13 @@ pub fn scenes(inputs: &Inputs<'_>) -> Result<Made> {
         needed(&Scene::load(inputs.scene_file.with_file_name(format!("{name}.toml")))?, name)
     });
     let needed = needed.into_iter().collect::<Result<Vec<_>>>()?;
-    let finding = |n: &Needed| {
+    let finding = |((scene, ..), (tier, shares), _, (bytes, instructions), [contraction, tr]): &Needed| {
         format!(
-            "{}: {} ({}); {} bytes, {} instructions, worst {} m, {} of TR",
-            n.scene,
-            n.tier,
-            n.tier_shares,
-            n.bytes,
-            n.predicted_instructions,
-            n.contraction_error_m,
-            n.tr_relative_error
+            "{scene}: {tier} ({shares}); {bytes} bytes, {instructions} instructions, worst {contraction} m, {tr} of TR"
         )
     };
     let findings = needed.iter().map(finding).collect();
-    Ok(Made { csv: csv(needed)?, findings, ..Made::default() })
+    Ok(Made { csv: table(NEEDED, needed)?, findings, ..Made::default() })
 }
 
 fn needed(scene: &Scene, name: &'static str) -> Result<Needed> {
@@ -145,17 +127,11 @@ fn needed(scene: &Scene, name: &'static str) -> Result<Needed> {
     let dearest = tiers.iter().copied().max_by_key(|t| *t as usize).unwrap_or(Tier::Full);
     let fit = scene.fit_table().context(name)?;
     let (series, errors) = (fit.table.numbers.series(), &fit.error_bounds.errors);
-    Ok(Needed {
-        scene: name,
-        asked_contraction_m: accuracy.contraction_m,
-        asked_tr_relative: accuracy.tr_relative,
-        tier: dearest.name(),
-        tier_shares: fractions(&tiers),
-        table_form: tsa_table::FORM,
-        table_size: fit.table.numbers.size(),
-        bytes: series.bytes(),
-        predicted_instructions: lookup_instructions(&series),
-        contraction_error_m: format!("{:.3e}", errors.contraction_max_m),
-        tr_relative_error: format!("{:.3e}", errors.tr_max),
-    })
+    Ok((
+        (name, accuracy.contraction_m, accuracy.tr_relative),
+        (dearest.name(), fractions(&tiers)),
+        (tsa_table::FORM, fit.table.numbers.size()),
+        (series.bytes(), lookup_instructions(&series)),
+        [errors.contraction_max_m, errors.tr_max].map(|error| format!("{error:.3e}")),
+    ))
 }

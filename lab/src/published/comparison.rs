@@ -2,14 +2,14 @@
 
 use super::numbers::{self, Computed, Kind, Ratio, Row, changed_mechanism};
 use super::{contradictions, geometry};
-use crate::{csv, table};
+use crate::table;
 use anyhow::Result;
 use rig_config::Scene;
 use rigctl::failure::ErrorBody;
 use rigctl::identify::data::Quantity;
 use rigctl::statistics::Errors;
 use serde::Serialize;
-use serde_json::Value;
+use serde_json::{Value, json};
 
 /// Every printed number and quoted ratio, computed for some scenes.
 pub(super) struct Comparison {
@@ -31,26 +31,8 @@ pub(super) struct Set {
     pub ratios: Vec<Result<f64, ErrorBody>>,
 }
 
-/// A line of `published.csv`.
-#[derive(Serialize)]
-struct NumberLine<'a> {
-    scene: &'a str,
-    id: &'a str,
-    quantity: &'a str,
-    kind: Kind,
-    load_n: f64,
-    changes: &'a str,
-    published: f64,
-    computed: Option<f64>,
-    error: Option<f64>,
-    limit: Option<&'a str>,
-    unit: &'a str,
-    warnings: String,
-    r#where: &'a str,
-    /// The limit in words.
-    #[serde(skip)]
-    body: Option<&'a ErrorBody>,
-}
+/// A set, a printed number, and what is computed for it.
+type Line<'a> = (&'a Set, &'a Row, &'a Result<Computed, ErrorBody>);
 
 /// Computed over published, less one; none where nothing was computed.
 pub(super) fn relative_error(published: f64, computed: &Result<Computed, ErrorBody>) -> Option<f64> {
@@ -102,49 +84,30 @@ impl Comparison {
     }
 
     /// Every row of every set.
-    fn lines(&self) -> impl Iterator<Item = NumberLine<'_>> {
+    fn lines(&self) -> impl Iterator<Item = Line<'_>> {
         let rows = self.sets.iter().flat_map(|set| self.rows.iter().zip(&set.numbers).map(move |row| (set, row)));
-        rows.map(|(set, (row, computed))| NumberLine {
-            scene: &set.name,
-            id: &row.id,
-            quantity: &row.quantity,
-            kind: row.kind,
-            load_n: row.load_n,
-            changes: &row.changes,
-            published: row.value,
-            computed: computed.as_ref().ok().map(|c| c.value),
-            error: relative_error(row.value, computed),
-            limit: computed.as_ref().err().map(|limit| limit.kind.as_str()),
-            unit: &row.unit,
-            warnings: computed.as_ref().map_or(String::new(), |c| c.warnings.join(" ")),
-            r#where: &row.place,
-            body: computed.as_ref().err(),
-        })
+        rows.map(|(set, (row, computed))| (set, row, computed))
     }
 
     /// A row for each printed number and scene as `--json` prints it: the scene if there are several, the warnings as a list, the
     /// limit with its words, and what differs from Table 1 where the geometry is inferred.
-    ///
-    /// # Errors
-    /// Never for the rows that exist.
-    pub fn json(&self) -> Result<Vec<Value>> {
-        let object = |line: NumberLine<'_>| {
-            let mut object = serde_json::to_value(&line)?;
-            object["warnings"] = line.warnings.split_whitespace().collect();
-            object["limit"] = serde_json::to_value(line.body)?;
+    pub fn json(&self) -> Vec<Value> {
+        let object = |(set, row, computed): Line<'_>| {
+            let (value, warnings) = computed.as_ref().map_or((None, &[][..]), |c| (Some(c.value), &c.warnings));
+            let mut object = json!({
+                "id": row.id, "quantity": row.quantity, "kind": row.kind, "published": row.value, "computed": value,
+                "error": relative_error(row.value, computed), "unit": row.unit, "warnings": warnings,
+            });
+            if self.sets.len() > 1 {
+                object["scene"] = set.name.as_str().into();
+            }
+            if let Err(limit) = computed {
+                object["limit"] = json!(limit);
+            }
             if self.inferred {
-                object["inferred_geometry"] = geometry::inferred(line.r#where).into();
+                object["inferred_geometry"] = geometry::inferred(&row.place).into();
             }
-            if let Some(fields) = object.as_object_mut() {
-                let several = self.sets.len() > 1;
-                fields.retain(|key, value| match key.as_str() {
-                    "scene" => several,
-                    "limit" => !value.is_null(),
-                    "load_n" | "changes" | "where" => false,
-                    _ => true,
-                });
-            }
-            Ok(object)
+            object
         };
         self.lines().map(object).collect()
     }
@@ -163,8 +126,16 @@ impl Comparison {
                 (what, r.value, value, error, limit, &r.place)
             }));
         }
-        let header = "scene,id,quantity,kind,load_n,to_load_n,turns,published,computed,error,limit,where";
-        Ok(vec![("published.csv".into(), csv(self.lines())?), ("ratios.csv".into(), table(header, ratios)?)])
+        let numbers = self.lines().map(|(set, row, computed)| {
+            let (value, limit) = (computed.as_ref().ok(), computed.as_ref().err().map(|limit| &limit.kind));
+            let what = (&set.name, &row.id, &row.quantity, row.kind, row.load_n, &row.changes, row.value);
+            let found = (value.map(|c| c.value), relative_error(row.value, computed), limit);
+            (what, found, &row.unit, value.map_or(String::new(), |c| c.warnings.join(" ")), &row.place)
+        });
+        let of_numbers = "scene,id,quantity,kind,load_n,changes,published,computed,error,limit,unit,warnings,where";
+        let of_ratios = "scene,id,quantity,kind,load_n,to_load_n,turns,published,computed,error,limit,where";
+        let file = |name: &str, content| (name.to_owned(), content);
+        Ok(vec![file("published.csv", table(of_numbers, numbers)?), file("ratios.csv", table(of_ratios, ratios)?)])
     }
 
     /// Tables, remarks and sums of errors for people, in lines.

@@ -50,7 +50,7 @@ impl Arguments {
             vec![(global.scene.display().to_string(), global.scene()?)]
         };
         let comparison = Comparison::new(scenes, self.inferred_geometry)?;
-        comparison.json()?.iter().try_for_each(|row| output.object(row))?;
+        comparison.json().iter().try_for_each(|row| output.object(row))?;
         comparison.text()?.iter().try_for_each(|line| output.line(line))?;
         if let Some(folder) = &self.out {
             let mut files = comparison.data()?;

@@ -106,10 +106,9 @@ pub fn rows() -> Result<Vec<Row>, csv::Error> {
 /// [`KeyError`] naming the key.
 pub fn apply(scene: &Scene, changes: &str) -> Result<Scene, KeyError> {
     changes.split(';').map(str::trim).filter(|change| !change.is_empty()).try_fold(scene.clone(), |scene, change| {
-        let (key, value) = change.split_once('=').ok_or_else(|| KeyError::Form(change.into()))?;
+        let (key, value) = change.split_once('=').ok_or_else(|| KeyError::form(change))?;
         let (key, value) = (key.trim(), value.trim());
-        let value: toml::Value =
-            value.parse().map_err(|e: toml::de::Error| KeyError::Unknown { key: key.into(), reason: e.to_string() })?;
+        let value: toml::Value = value.parse().map_err(|e: toml::de::Error| KeyError::unknown(key, &e.to_string()))?;
         scene_key::set(&scene, key, value)
     })
 }

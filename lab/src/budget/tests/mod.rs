@@ -88,11 +88,11 @@ fn a_tier_is_the_difference_of_its_gap() {
     let scene = scene();
     let mut budget = of(&scene, &[]);
     assert!(budget.set_tier(Tier::Full));
-    assert!(budget.fraction(Part::Tier).load.worst.error < 1e-12);
+    assert!(budget.fraction(Part::Tier).load < 1e-12);
     assert!(budget.set_tier(Tier::Rigid));
-    let rigid = budget.fraction(Part::Tier).load.all;
+    let rigid = budget.fraction(Part::Tier).load;
     assert!(budget.set_tier(Tier::Elastica));
-    assert!(rigid > 100.0 * budget.fraction(Part::Tier).load.all);
+    assert!(rigid > 100.0 * budget.fraction(Part::Tier).load);
 }
 
 /// A table whose errors are as large as is worth raises the total by no more than that; one that is the model not at all.
@@ -107,9 +107,9 @@ fn a_table_that_is_worth_having_adds_little() {
     budget.set_table(&rough.fit_table().unwrap().table.table());
     let with = budget.total();
     for [before, after] in [[without.position_m, with.position_m], [without.load, with.load]] {
-        assert!(after.all >= before.all && after.all <= (1.0 + WORTH) * before.all, "{before:?} {after:?}");
+        assert!(after >= before && after <= (1.0 + WORTH) * before, "{before:?} {after:?}");
     }
-    assert!(budget.fraction(Part::Table).load.all > 0.0);
+    assert!(budget.fraction(Part::Table).load > 0.0);
 }
 
 /// A gap curve that is wrong by a ramp of 1 mm/rad makes the ratio wrong and the move lag by ε v/K.
@@ -121,7 +121,7 @@ fn a_wrong_ratio_makes_a_move_lag() {
     let later = under.column.each(|s| 0.1 * s.gap_m);
     let homed = under.column.each(|_| 0.0);
     under.clear(Part::Law);
-    under.add_gap(&Effect { part: Part::Law, homed, later, misread: false });
+    under.add_gap(&Effect { later, ..Effect::homed(Part::Law, homed) });
     near(at(&budget, Part::Law, 3, 15)[0], 0.1 * 2e-3 / f64::from(BANDWIDTH_PER_S), 0.02, "a tenth of the ratio");
 }
 
@@ -134,7 +134,7 @@ fn worse_rigs_are_worth_no_better_tables() {
     });
     for [(better, small), (worse, large)] in [[worth[0], worth[1]], [worth[1], worth[2]]] {
         assert!(worse.tr_relative >= better.tr_relative, "{better:?} {worse:?}");
-        assert!(large.position_m.all > small.position_m.all && large.load.all > small.load.all);
+        assert!(large.position_m > small.position_m && large.load > small.load);
     }
     assert!(worth[2].0.contraction_m > worth[0].0.contraction_m, "{worth:?}");
     assert!(worth[0].0.tr_relative < MAX_TR_ERROR, "an ideal rig's position tells a tenth of the ratio");
@@ -187,7 +187,7 @@ fn a_small_envelope_has_a_budget() {
             Budget::new(&scene, &RigErrors { sizes: &|key| RigPreset::Hard.rms(key), gauge_m: None }).unwrap();
         budget.choose_tier();
         let (total, worth) = (budget.total(), budget.worth());
-        for number in [total.position_m.all, total.load.all, worth.contraction_m, worth.tr_relative] {
+        for number in [total.position_m, total.load, worth.contraction_m, worth.tr_relative] {
             assert!(number > 0.0 && number.is_finite(), "{turns:?}: {total:?} {worth:?}");
         }
     }
