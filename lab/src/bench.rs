@@ -3,7 +3,7 @@
 //! One thread. The time of a state at which the solver fails is included. Times are medians of many passes: other load on
 //! the machine disturbs some of them, but not most.
 
-use crate::chart::work::states;
+use crate::chart::work_precision::states;
 use anyhow::{Context, Result};
 use rig_config::Scene;
 use rigctl::failure::Failure;

@@ -51,7 +51,7 @@ pub enum Command {
     /// The page has the solver inside and needs no network; any browser shows it. What cannot be made (a chart that another
     /// command measures, a move without firmware) is named on standard error and in the page.
     /// Example: `tsa-lab report --out out/report.html`
-    Report(page::report::Arguments),
+    Report(page::Arguments),
     /// Print what limits the accuracy of position and load, and the table that is enough
     ///
     /// Computed from the scene, the model's sensitivities and the sizes of --rig (docs/explanation/accuracy.md);

@@ -32,56 +32,51 @@ macro_rules! counted {
     )*};
 }
 
+/// Lookups in tables, by their names.
+macro_rules! lookups {
+    ($($name:ident $table:ident;)*) => {
+        counted! { $(fn $name(load_n: f32, twist_rad: f32) -> Point { tables::$table.point_inside(load_n, twist_rad) })* }
+    };
+}
+
+/// Solvers: the gap (m), 0 where there is none.
+macro_rules! solvers {
+    ($($name:ident |$m:ident, $load_n:ident, $twist_rad:ident| $solved:expr;)*) => {
+        counted! {
+            $(fn $name($m: &Mechanism, $load_n: f64, $twist_rad: f64) -> f64 { $solved.map_or(0.0, |e| e.gap_m) })*
+        }
+    };
+}
+
+lookups! {
+    cost_lookup TABLE;
+    cost_arc_few ARC_FEW;
+    cost_arc_many ARC_MANY;
+    cost_series SERIES;
+    cost_series_log SERIES_LOG;
+    cost_series_ratio SERIES_RATIO;
+    cost_hermite HERMITE;
+    cost_bilinear BILINEAR;
+}
+
+solvers! {
+    cost_full |m, load_n, twist_rad| m.formal(load_n, twist_rad);
+    cost_rigid |m, load_n, twist_rad| m.formal_tier(Tier::Rigid, load_n, twist_rad);
+    cost_beam_column |m, load_n, twist_rad| m.formal_tier(Tier::BeamColumn, load_n, twist_rad);
+    cost_pseudo_rigid |m, load_n, twist_rad| m.formal_tier(Tier::PseudoRigid, load_n, twist_rad);
+    cost_elastica |m, load_n, twist_rad| m.formal_tier(Tier::Elastica, load_n, twist_rad);
+    cost_inextensible |m, load_n, twist_rad| m.formal_tier(Tier::Inextensible, load_n, twist_rad);
+    cost_collocation |m, load_n, twist_rad|
+        Method::Collocation { intervals: 16, tolerance: 1e-6 }.solve(m, load_n, twist_rad);
+    cost_continuation |m, load_n, twist_rad| Method::Continuation { steps: 1 }.solve(m, load_n, twist_rad);
+    cost_paper |m, load_n, twist_rad|
+        Method::Paper { steps: 8, relaxation: 1.0, tolerance: 1e-5 }.solve(m, load_n, twist_rad);
+}
+
 counted! {
-    fn cost_lookup(load_n: f32, twist_rad: f32) -> Point { tables::TABLE.point_inside(load_n, twist_rad) }
     fn cost_inverse_twist(load_n: f32, gap_m: f32) -> f32 { tables::TABLE.twist_from_gap(load_n, gap_m).unwrap_or(0.0) }
-    fn cost_arc_few(load_n: f32, twist_rad: f32) -> Point { tables::ARC_FEW.point_inside(load_n, twist_rad) }
-    fn cost_arc_many(load_n: f32, twist_rad: f32) -> Point { tables::ARC_MANY.point_inside(load_n, twist_rad) }
-    fn cost_series(load_n: f32, twist_rad: f32) -> Point { tables::SERIES.point_inside(load_n, twist_rad) }
-    fn cost_series_log(load_n: f32, twist_rad: f32) -> Point { tables::SERIES_LOG.point_inside(load_n, twist_rad) }
-    fn cost_series_ratio(load_n: f32, twist_rad: f32) -> Point { tables::SERIES_RATIO.point_inside(load_n, twist_rad) }
-    fn cost_hermite(load_n: f32, twist_rad: f32) -> Point { tables::HERMITE.point_inside(load_n, twist_rad) }
-    fn cost_bilinear(load_n: f32, twist_rad: f32) -> Point { tables::BILINEAR.point_inside(load_n, twist_rad) }
-    fn cost_full(mechanism: &Mechanism, load_n: f64, twist_rad: f64) -> f64 {
-        mechanism.formal(load_n, twist_rad).map_or(0.0, |e| e.gap_m)
-    }
-    fn cost_rigid(mechanism: &Mechanism, load_n: f64, twist_rad: f64) -> f64 {
-        tier(mechanism, Tier::Rigid, load_n, twist_rad)
-    }
-    fn cost_beam_column(mechanism: &Mechanism, load_n: f64, twist_rad: f64) -> f64 {
-        tier(mechanism, Tier::BeamColumn, load_n, twist_rad)
-    }
-    fn cost_pseudo_rigid(mechanism: &Mechanism, load_n: f64, twist_rad: f64) -> f64 {
-        tier(mechanism, Tier::PseudoRigid, load_n, twist_rad)
-    }
-    fn cost_elastica(mechanism: &Mechanism, load_n: f64, twist_rad: f64) -> f64 {
-        tier(mechanism, Tier::Elastica, load_n, twist_rad)
-    }
-    fn cost_inextensible(mechanism: &Mechanism, load_n: f64, twist_rad: f64) -> f64 {
-        tier(mechanism, Tier::Inextensible, load_n, twist_rad)
-    }
-    fn cost_collocation(mechanism: &Mechanism, load_n: f64, twist_rad: f64) -> f64 {
-        by(mechanism, Method::Collocation { intervals: 16, tolerance: 1e-6 }, load_n, twist_rad)
-    }
-    fn cost_continuation(mechanism: &Mechanism, load_n: f64, twist_rad: f64) -> f64 {
-        by(mechanism, Method::Continuation { steps: 1 }, load_n, twist_rad)
-    }
-    fn cost_paper(mechanism: &Mechanism, load_n: f64, twist_rad: f64) -> f64 {
-        by(mechanism, Method::Paper { steps: 8, relaxation: 1.0, tolerance: 1e-5 }, load_n, twist_rad)
-    }
     fn cost_sqrt_micromath(x: f32) -> f32 { micromath::F32Ext::sqrt(x) }
     fn cost_sqrt_libm(x: f32) -> f32 { libm::sqrtf(x) }
-}
-
-// Inlined, so that a tier and a method are known where they are called.
-#[inline(always)]
-fn tier(mechanism: &Mechanism, tier: Tier, load_n: f64, twist_rad: f64) -> f64 {
-    mechanism.formal_tier(tier, load_n, twist_rad).map_or(0.0, |e| e.gap_m)
-}
-
-#[inline(always)]
-fn by(mechanism: &Mechanism, method: Method, load_n: f64, twist_rad: f64) -> f64 {
-    method.solve(mechanism, load_n, twist_rad).map_or(0.0, |e| e.gap_m)
 }
 
 /// `interpn`'s cubic interpolation on the smallest grid that gives the same contraction, without a gradient.

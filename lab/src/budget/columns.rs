@@ -3,7 +3,7 @@
 use rig_config::{Scene, SceneError};
 use std::f64::consts::{PI, TAU};
 use tsa_model::scalar::{Dual, Scalar};
-use tsa_model::{Material, Mechanism, PRETWIST_RAD, Parameters};
+use tsa_model::{Mechanism, PRETWIST_RAD, Parameters};
 
 /// Loads, evenly spaced in their logarithm.
 const LOADS: u32 = 7;
@@ -56,8 +56,8 @@ impl Column {
         let last = envelope.turns[1];
         let steps = (last / TURNS).ceil().clamp(STEPS[0], STEPS[1]) as u32;
         let turns = |k: u32| last * f64::from(k) / f64::from(steps);
-        let solver = Solver::new(scene)?;
-        let column = |f: u32| (0..=steps).map(|k| solver.state(load(f), turns(k))).collect::<Result<_, _>>().map(Self);
+        let state = solver(scene)?;
+        let column = |f: u32| (0..=steps).map(|k| state(load(f), turns(k))).collect::<Result<_, _>>().map(Self);
         (0..LOADS).map(column).collect()
     }
 
@@ -82,48 +82,32 @@ impl Column {
     }
 }
 
-/// The scene's solver, with derivatives by the modulus of the rods.
-struct Solver {
-    parameters: Parameters,
-    mechanism: Mechanism<Dual<1>>,
-    material: Material,
-    start_length_m: f64,
-    /// The radius model has an exponent; others are multiplied by (θ/π) to the power of its shift.
-    has_exponent: bool,
-}
-
-impl Solver {
-    fn new(scene: &Scene) -> Result<Self, SceneError> {
-        let plain = scene.mechanism()?;
-        let mut parameters = Parameters::<Dual<1>>::constant(plain.parameters());
-        let modulus = Dual::parameter(1.0, 0);
-        parameters.stress_coefficients_pa = parameters.stress_coefficients_pa.map(|a| a * modulus);
-        Ok(Self {
-            parameters: *plain.parameters(),
-            mechanism: Mechanism::of(parameters),
-            material: scene.material,
-            start_length_m: plain.start_length_m(),
-            has_exponent: scene.string.twist_exponent.is_some(),
-        })
-    }
-
-    fn state(&self, load_n: f64, turns: f64) -> Result<State, SceneError> {
+/// Solves the states of a scene, with derivatives by the modulus of the rods.
+fn solver(scene: &Scene) -> Result<impl Fn(f64, f64) -> Result<State, SceneError>, SceneError> {
+    let plain = scene.mechanism()?;
+    let parameters = *plain.parameters();
+    let mut by_modulus = Parameters::<Dual<1>>::constant(&parameters);
+    let modulus = Dual::parameter(1.0, 0);
+    by_modulus.stress_coefficients_pa = by_modulus.stress_coefficients_pa.map(|a| a * modulus);
+    let (mechanism, material, start_length_m) = (Mechanism::of(by_modulus), scene.material, plain.start_length_m());
+    // Other radius models are multiplied by (θ/π) to the power of the exponent's shift.
+    let has_exponent = scene.string.twist_exponent.is_some();
+    Ok(move |load_n, turns| {
         let twist_rad = tsa_model::twist_from_turns(turns);
-        let found = self.mechanism.solve(load_n, twist_rad);
+        let found = mechanism.solve(load_n, twist_rad);
         let found = found.map_err(|limit| SceneError::Unsolvable { load_n, turns, limit })?;
-        let radius = |p: &Parameters| p.radius(load_n, twist_rad, found.x_m.value(), self.start_length_m);
-        let here = radius(&self.parameters);
-        let arc_by_exponent = if self.has_exponent {
+        let radius = |p: &Parameters| p.radius(load_n, twist_rad, found.x_m.value(), start_length_m);
+        let here = radius(&parameters);
+        let arc_by_exponent = if has_exponent {
             const STEP: f64 = 1e-4;
-            let shifted = |by: f64| {
-                radius(&Parameters { twist_exponent: self.parameters.twist_exponent + by, ..self.parameters }).radius_m
-            };
+            let shifted =
+                |by: f64| radius(&Parameters { twist_exponent: parameters.twist_exponent + by, ..parameters }).radius_m;
             twist_rad * (shifted(STEP) - shifted(-STEP)) / (2.0 * STEP)
         } else {
             twist_rad * here.radius_m * (twist_rad / PI).ln()
         };
         let (by_twist, strain) = (found.dgap_dtwist_m_per_rad.value(), found.bending_strain.value());
-        let stress_pa = self.material.stress_pa(strain);
+        let stress_pa = material.stress_pa(strain);
         Ok(State {
             load_n,
             twist_rad,
@@ -137,7 +121,7 @@ impl Solver {
             by_stress: if stress_pa > 0.0 { found.gap_m.by[0] / stress_pa } else { 0.0 },
             strain,
         })
-    }
+    })
 }
 
 #[cfg(test)]

@@ -53,14 +53,8 @@ pub(super) struct Homing {
     pub priors: Priors,
 }
 
-/// What a change of the gap is taken for.
-#[derive(Clone, Debug)]
-pub(super) struct Taken {
-    /// Relative error of the load.
-    pub load: f64,
-    /// What the cubic leaves of the gap at each state (m).
-    pub left_m: Vec<f64>,
-}
+/// What a change of the gap is taken for: relative error of the load, and what the cubic leaves of the gap at each state (m).
+pub(super) type Taken = (f64, Vec<f64>);
 
 impl Homing {
     /// Under the load of a column, with a residual (m, rms) of the law on this rig.
@@ -122,7 +116,7 @@ impl Homing {
             for k in (0..states).filter(|k| k * count / states == stretch) {
                 change_m[first + k] = 1.0;
             }
-            squares += self.gap(&change_m).load.powi(2);
+            squares += self.gap(&change_m).0.powi(2);
         }
         squares.sqrt()
     }
@@ -150,7 +144,7 @@ impl Homing {
         let sums: Vector4<f64> = self.weighed.clone().map(|k| powers(self.place[k]) * rest[k]).sum();
         let cubic = normal.lu().solve(&sums).unwrap_or_default();
         let left_m = rest.iter().zip(&self.place).map(|(rest, place)| rest - powers(*place).dot(&cubic)).collect();
-        Taken { load: step[0], left_m }
+        (step[0], left_m)
     }
 }
 
@@ -178,8 +172,8 @@ mod tests {
         let sure = Homing::new(&column, 0.0, Priors { radius: 1e-6, zero_m: 1e-6, slope: 1e-6 });
         for homing in [Homing::new(&column, 0.0, open), sure] {
             let taken = homing.gap(&column.each(|s| 0.01 * s.load_n * s.by_load));
-            assert!((taken.load / 0.01 - 1.0).abs() < 0.02, "{}", taken.load);
-            assert!(taken.left_m[homing.weighed.clone()].iter().all(|m| m.abs() < 1e-6));
+            assert!((taken.0 / 0.01 - 1.0).abs() < 0.02, "{}", taken.0);
+            assert!(taken.1[homing.weighed.clone()].iter().all(|m| m.abs() < 1e-6));
         }
     }
 
@@ -190,17 +184,17 @@ mod tests {
         let change: Vec<f64> = homing.place.iter().map(|x| 1e-4 * (1.0 - 2.0 * x * x * x)).collect();
         let taken = homing.gap(&change);
         // What the fit takes is no cubic, but nearly.
-        let left = homing.weighed.clone().map(|k| taken.left_m[k].abs()).fold(0.0, f64::max);
-        assert!(taken.load != 0.0 && left < 5e-6, "{left}");
-        assert_eq!(column.0.len(), taken.left_m.len());
+        let left = homing.weighed.clone().map(|k| taken.1[k].abs()).fold(0.0, f64::max);
+        assert!(taken.0 != 0.0 && left < 5e-6, "{left}");
+        assert_eq!(column.0.len(), taken.1.len());
     }
 
     /// A radius that is not the prior's is the same as a gap of strings that are so much thicker, the other way round.
     #[test]
     fn a_wrong_prior_is_a_thicker_string() {
         let (column, homing) = homing();
-        let by_prior = homing.prior(1).load;
-        let by_gap = homing.gap(&column.each(|s| -0.03 * s.by_twist * s.twist_rad)).load;
+        let by_prior = homing.prior(1).0;
+        let by_gap = homing.gap(&column.each(|s| -0.03 * s.by_twist * s.twist_rad)).0;
         // The fit that takes the strings for thicker by all of it would need no other load at all.
         assert!((by_prior - by_gap).abs() < 1e-9 * by_prior.abs() + 1e-12, "{by_prior} {by_gap}");
     }

@@ -253,11 +253,11 @@ impl Under {
     }
 
     /// What homing took a gap for, a gap that came later, and what the LVDT misreads.
-    fn add_taken(&mut self, part: Part, taken: &Taken, later_m: &[f64], misread_m: Option<&Vec<f64>>) {
-        let left_m: Vec<f64> = taken.left_m.iter().zip(later_m).map(|(left, later)| left + later).collect();
+    fn add_taken(&mut self, part: Part, (taken, left_m): &Taken, later_m: &[f64], misread_m: Option<&Vec<f64>>) {
+        let left_m: Vec<f64> = left_m.iter().zip(later_m).map(|(left, later)| left + later).collect();
         let slopes = self.column.by_twist(&left_m);
         let states = self.column.0.iter().zip(left_m.iter().zip(slopes));
-        let load = states.clone().map(|(s, (left_m, _))| taken.load + left_m / (s.by_load * s.load_n)).collect();
+        let load = states.clone().map(|(s, (left_m, _))| taken + left_m / (s.by_load * s.load_n)).collect();
         let lag_m = states.map(|(s, (_, slope))| slope / s.by_twist * per_ratio_m()).collect();
         let none = self.column.each(|_| 0.0);
         self.add(&Direct { part, position_m: lag_m, load });

@@ -2,29 +2,22 @@
 //!
 //! Each figure is described ([`rigctl::plot`]) by a file of its name, beside its data as rows that serialise:
 //!
-//! - `mechanism`: the mechanism drawn to scale under a light and a heavy load.
-//! - `work_precision`: what an equilibrium costs on the desktop; [`work`] measures it.
-//! - `target`: what every way of knowing the mechanism costs on the board.
+//! - [`work_precision`]: what an equilibrium costs on the desktop.
 //! - `table_size`: bytes of a table against its error.
-//! - `closed_loop`: what a cheaper model or a less accurate table does to the closed loop.
-//! - `rigs`: one effect at a time that the table's model leaves out: errors, and what breaks as it is turned up.
+//! - `measured`: what other commands have measured.
 //! - `tiers`: the cheapest model over load and twist, and which model and table each of five scenes needs.
 //! - `margin_figure`: stability of the position loop in time, computed by [`margin`].
 //! - `stability`: every method over load and twist of some rods; [`grid`]: the states.
 
-mod closed_loop;
 mod damped;
 pub mod grid;
 pub mod margin;
 mod margin_figure;
-mod mechanism;
-mod rigs;
+mod measured;
 pub mod stability;
 mod table_size;
-mod target;
 mod tiers;
-pub mod work;
-mod work_precision;
+pub mod work_precision;
 
 use anyhow::{Context, Result};
 use clap::builder::PossibleValuesParser;
@@ -43,14 +36,13 @@ use std::time::Instant;
 type Kind = (&'static str, &'static str, bool, fn(&Inputs<'_>) -> Result<Made>);
 
 /// The figures, in the order in which they are made.
-pub const FIGURES: [Kind; 11] = [
-    ("mechanism", "The mechanism under a light and a heavy load", false, mechanism::make),
+pub const FIGURES: [Kind; 10] = [
     ("work-precision", "Work against precision of every method", false, work_precision::make),
-    ("target", "What each way of knowing the mechanism costs on the board", true, target::make),
+    ("target", "What each way of knowing the mechanism costs on the board", true, measured::target),
     ("table-size", "Bytes against error of every form of table", false, table_size::make),
-    ("closed-loop", "A cheaper model or a coarser table in the closed loop", true, closed_loop::make),
-    ("rigs", "One effect at a time that the model leaves out", true, rigs::make),
-    ("effects", "Where the chain breaks as one effect is turned up", true, rigs::effects),
+    ("closed-loop", "A cheaper model or a coarser table in the closed loop", true, measured::closed_loop),
+    ("rigs", "One effect at a time that the model leaves out", true, measured::rigs),
+    ("effects", "Where the chain breaks as one effect is turned up", true, measured::effects),
     ("tiers", "The cheapest sufficient model over load and twist", false, tiers::maps),
     ("scenes", "The model and the table that each scene needs", false, tiers::scenes),
     ("margin", "Stability in time: gain, delay and sampling", false, margin_figure::make),

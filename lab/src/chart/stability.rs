@@ -5,7 +5,7 @@
 //! more than one equilibrium may exist.
 
 use super::grid::Grid;
-use super::work::in_words;
+use super::work_precision::in_words;
 use super::{Inputs, Made};
 use crate::table;
 use anyhow::Result;

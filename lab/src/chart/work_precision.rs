@@ -1,26 +1,186 @@
-//! Work against precision as a picture.
+//! Work against precision on the desktop: the cost of an equilibrium by every method and tier, and its error; measured and drawn.
 
-use super::work::{self, Measured, Point, Way, in_words};
 use super::{Inputs, Made};
 use crate::table;
 use anyhow::Result;
 use baseline_methods::Method;
 use rig_config::Scene;
+use rigctl::parallel::Progress;
 use rigctl::plot::{Axis, Block, Figure, Item, KeyRow, Panel, Pen, RGBColor, Shape, colour};
 use serde::Deserialize;
-use tsa_model::Tier;
+use std::hint::black_box;
+use std::time::{Duration, Instant};
+use tsa_model::{Equilibrium, Mechanism, SolveError, Tier, twist_from_turns};
+
+/// One way of solving with its effort.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Way {
+    /// The full model by a method.
+    Method(Method),
+    /// A cheaper model.
+    Tier(Tier),
+}
+
+impl Way {
+    /// Name of its line.
+    pub fn line(&self) -> &'static str {
+        match self {
+            Self::Method(method) => method.name(),
+            Self::Tier(tier) => tier.name(),
+        }
+    }
+
+    /// Its steps or its tolerance.
+    pub fn effort(&self) -> String {
+        match *self {
+            Self::Method(Method::FirstIntegral { points: Some(points) }) => format!("{points} nodes"),
+            Self::Method(Method::FirstIntegral { points: None }) => "automatic".into(),
+            Self::Method(Method::Paper { steps, .. }) => format!("{steps} steps"),
+            Self::Method(Method::AdaptiveShooting { tolerance }) => format!("tolerance {tolerance:.0e}"),
+            Self::Method(Method::Collocation { intervals, .. }) => format!("{intervals} intervals"),
+            Self::Method(Method::Continuation { steps }) => format!("{steps} steps"),
+            Self::Tier(_) => String::new(),
+        }
+    }
+
+    fn solve(&self, mechanism: &Mechanism, (load, twist): (f64, f64)) -> Result<Equilibrium, SolveError> {
+        match *self {
+            Self::Method(method) => method.solve(mechanism, load, twist),
+            Self::Tier(tier) => mechanism.formal_tier(tier, load, twist),
+        }
+    }
+}
+
+/// A method's name in words.
+pub fn in_words(name: &'static str) -> &'static str {
+    match name {
+        "first-integral" => "first integral (ours)",
+        "paper" => "the paper's shooting, damped",
+        "paper, factor 0.5" => "the paper's, damped",
+        "paper, factor 1" => "the paper's, undamped",
+        "adaptive-shooting" => "adaptive shooting",
+        other => other,
+    }
+}
+
+/// Every line from coarse to fine.
+pub fn ways() -> Vec<Way> {
+    let mut all = Vec::new();
+    all.extend([2, 3, 4, 6, 8, 12, 16, 24, 48].map(|n| Method::FirstIntegral { points: Some(n) }));
+    all.push(Method::FirstIntegral { points: None });
+    all.extend([4, 8, 16, 32, 64, 128].map(|steps| Method::Paper { steps, relaxation: 0.5, tolerance: 1e-12 }));
+    all.extend([1e-3, 1e-5, 1e-7, 1e-9, 1e-11, 1e-13].map(|tolerance| Method::AdaptiveShooting { tolerance }));
+    all.extend([2, 4, 8, 16, 32, 64, 128].map(|intervals| Method::Collocation { intervals, tolerance: 1e-13 }));
+    all.extend([1, 4, 16].map(|steps| Method::Continuation { steps }));
+    let tiers = Tier::ALL.into_iter().filter(|t| *t != Tier::Full).map(Way::Tier);
+    all.into_iter().map(Way::Method).chain(tiers).collect()
+}
+
+/// Loads (N) and twists (rad), evenly spaced over the range of the paper's load sweep (section 4.2) with its ends.
+pub fn states(loads: u32, twists: u32) -> Vec<(f64, f64)> {
+    let part = |k: u32, count: u32| f64::from(k) / f64::from(count - 1);
+    let at = |i, j| (1.0 + 16.0 * part(i, loads), twist_from_turns(7.5 * part(j, twists)));
+    (0..loads).flat_map(|i| (0..twists).map(move |j| at(i, j))).collect()
+}
+
+/// Loads and twists at which the ways are compared.
+const COMPARED: (u32, u32) = (4, 4);
+
+/// A point of a line.
+#[derive(Debug, Clone)]
+pub struct Point {
+    /// The way.
+    pub way: Way,
+    /// Largest error of the gap over the states that were solved (m).
+    pub error_m: f64,
+    /// States without an answer, and the first reason.
+    pub failed: usize,
+    /// The first reason.
+    pub reason: Option<SolveError>,
+    /// Minimum time for one state, of all rounds, the failed ones included (s).
+    pub seconds: f64,
+}
+
+/// All points of a scene, and how well the reference is known.
+#[derive(Debug, Clone)]
+pub struct Measured {
+    /// Name of the scene.
+    pub name: String,
+    /// The points.
+    pub points: Vec<Point>,
+    /// Largest difference of the reference from itself on a third fewer nodes (m).
+    pub reference_m: f64,
+    /// How many states have an equilibrium; the others are left out.
+    pub states: usize,
+}
+
+/// How often each way is measured after the first time, and for how long.
+const ROUNDS: usize = 3;
+const LAP: Duration = Duration::from_millis(20);
+
+/// Measures every way over states of the published range: once, and in further rounds in which all ways take turns, so that a
+/// disturbance of some seconds affects one round only.
+///
+/// # Errors
+/// If the reference has no answer.
+pub fn measure(name: String, mechanism: &Mechanism, progress: &Progress<'_>) -> Result<Measured> {
+    let mut states = states(COMPARED.0, COMPARED.1);
+    states.retain(|(load, twist)| mechanism.solve(*load, *twist).is_ok());
+    let reference = |nodes: usize| {
+        let way = Way::Method(Method::FirstIntegral { points: Some(nodes) });
+        states.iter().map(|s| Ok(way.solve(mechanism, *s)?.gap_m)).collect::<Result<Vec<f64>, SolveError>>()
+    };
+    let [exact, coarser] = [96, 64].map(reference);
+    let (exact, coarser) = (exact?, coarser?);
+    let reference_m = exact.iter().zip(&coarser).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    let mut points: Vec<Point> = ways().into_iter().map(|way| judged(way, mechanism, &states, &exact)).collect();
+    let count = points.len();
+    for round in 0..ROUNDS {
+        for (k, point) in points.iter_mut().enumerate() {
+            point.seconds = point.seconds.min(lap(point.way, mechanism, &states));
+            progress(round * count + k + 1, ROUNDS * count);
+        }
+    }
+    Ok(Measured { name, points, reference_m, states: states.len() })
+}
+
+fn judged(way: Way, mechanism: &Mechanism, states: &[(f64, f64)], exact: &[f64]) -> Point {
+    let mut point = Point { way, error_m: 0.0, failed: 0, reason: None, seconds: f64::INFINITY };
+    let begin = Instant::now();
+    for (state, exact) in states.iter().zip(exact) {
+        match way.solve(mechanism, *state) {
+            Ok(e) => point.error_m = point.error_m.max((e.gap_m - exact).abs()),
+            Err(e) => {
+                point.failed += 1;
+                point.reason.get_or_insert(e);
+            }
+        }
+    }
+    point.seconds = begin.elapsed().as_secs_f64() / states.len().max(1) as f64;
+    point
+}
+
+/// Minimum time of a state over one lap (s).
+fn lap(way: Way, mechanism: &Mechanism, states: &[(f64, f64)]) -> f64 {
+    let begin = Instant::now();
+    let mut min = f64::INFINITY;
+    loop {
+        let before = Instant::now();
+        for state in states {
+            let _ = black_box(way.solve(mechanism, black_box(*state)));
+        }
+        min = min.min(before.elapsed().as_secs_f64() / states.len() as f64);
+        if begin.elapsed() > LAP {
+            return min;
+        }
+    }
+}
 
 /// Where an error of nothing at all, or of rounding, is drawn (m).
 const FLOOR_M: f64 = 1e-17;
 const ERRORS_M: [f64; 2] = [FLOOR_M, 1e-1];
 /// Range of a time over that of the fastest.
 const RATIOS: [f64; 2] = [0.7, 3e5];
-
-/// A scene's measurements.
-struct Case {
-    name: String,
-    measured: Measured,
-}
 
 /// One solver of one rod, as `cargo xtask bench` found it.
 #[derive(Debug, Deserialize)]
@@ -46,9 +206,8 @@ const HEADER: &str = "scene,method,effort,max_error_m,us,time_ratio,failed,faile
 /// # Errors
 /// If a scene cannot be solved, or the drawing fails.
 pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
-    let case =
-        |(name, scene): (_, Scene)| Ok(Case { name, measured: work::measure(&scene.mechanism()?, inputs.progress)? });
-    let cases = inputs.with_plateau().into_iter().map(case).collect::<Result<Vec<Case>>>()?;
+    let case = |(name, scene): (_, Scene)| measure(name, &scene.mechanism()?, inputs.progress);
+    let cases = inputs.with_plateau().into_iter().map(case).collect::<Result<Vec<Measured>>>()?;
     let mut left_out = Vec::new();
     let peers = inputs.measured::<Peer>("peers.csv", "cargo xtask bench");
     let peers = peers.map_err(|e| left_out.push(format!("{e:#}"))).map(|(_, peers)| peers).unwrap_or_default();
@@ -65,7 +224,7 @@ pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
                 .into(),
         ],
     };
-    let rows = cases.iter().flat_map(Case::rows).chain(peers.iter().map(|peer| peer.row(&peers)));
+    let rows = cases.iter().flat_map(Measured::rows).chain(peers.iter().map(|peer| peer.row(&peers)));
     let csv = table(HEADER, rows)?;
     Ok(Made { left_out, ..Made::new(&figure, csv, cases.iter().flat_map(findings).collect())? })
 }
@@ -75,14 +234,14 @@ fn colours() -> impl Iterator<Item = (&'static str, RGBColor)> {
     Method::ALL.iter().enumerate().map(|(k, method)| (method.name(), colour(k, Method::ALL.len())))
 }
 
-impl Case {
+impl Measured {
     /// Minimum time of all (s).
     fn fastest_s(&self) -> f64 {
-        self.measured.points.iter().map(|p| p.seconds).fold(f64::INFINITY, f64::min)
+        self.points.iter().map(|p| p.seconds).fold(f64::INFINITY, f64::min)
     }
 
     fn rows(&self) -> impl Iterator<Item = Row> {
-        self.measured.points.iter().map(|p| {
+        self.points.iter().map(|p| {
             let ratio = p.seconds / self.fastest_s();
             let numbers = [format!("{:.3e}", p.error_m), format!("{:.3}", p.seconds * 1e6), format!("{ratio:.2}")];
             let what = [self.name.clone(), p.way.line().into(), p.way.effort()];
@@ -116,8 +275,8 @@ fn panel(title: String, of_what: &str, items: Vec<Item>) -> Panel {
     Panel::new(title, x, Axis::log("time ÷ the fastest", RATIOS), items)
 }
 
-fn times(case: &Case) -> Panel {
-    let Measured { points, states, .. } = &case.measured;
+fn times(case: &Measured) -> Panel {
+    let Measured { points, states, .. } = case;
     let fastest_s = case.fastest_s();
     let place = |p: &Point| (p.error_m.clamp(FLOOR_M, ERRORS_M[1]), p.seconds / fastest_s);
     let as_used = |p: &Point| p.way == Way::Method(Method::FirstIntegral { points: None });
@@ -175,15 +334,15 @@ fn key(peers: &[Peer]) -> Vec<Block> {
     vec![Block::new(colours().map(line)), Block::new(cheaper), Block::new([used].into_iter().chain(peers))]
 }
 
-fn findings(case: &Case) -> Vec<String> {
-    let points = &case.measured.points;
+fn findings(case: &Measured) -> Vec<String> {
+    let points = &case.points;
     let ours = points.iter().find(|p| p.way == Way::Method(Method::FirstIntegral { points: None }));
     let Some(Point { seconds, error_m, .. }) = ours else { return Vec::new() };
     let mut lines = vec![format!(
         "{}: the first integral takes {:.1} µs for {error_m:.0e} m; the reference is known to {:.0e} m",
         case.name,
         seconds * 1e6,
-        case.measured.reference_m
+        case.reference_m
     )];
     for (name, _) in colours().skip(1) {
         let good = points.iter().filter(|p| p.way.line() == name && p.failed == 0 && p.error_m <= 1e-9);

@@ -1,7 +1,7 @@
 //! The paper's numbers beside the same numbers computed: rows for machines, tables for people, CSV.
 
+use super::contradictions;
 use super::numbers::{self, Computed, Kind, Ratio, Row, changed_mechanism};
-use super::{contradictions, geometry};
 use crate::table;
 use anyhow::Result;
 use rig_config::Scene;
@@ -61,19 +61,19 @@ fn name(value: &impl Serialize) -> Result<String> {
 }
 
 impl Comparison {
-    /// Computes all of them for scenes with their names, on request with the [`geometry`] that is `inferred` for some.
+    /// Computes all of them for scenes with their names, on request with the geometry that is `inferred` for some.
     ///
     /// # Errors
     /// If a scene describes no mechanism.
     pub fn new(scenes: Vec<(String, Scene)>, inferred: bool) -> Result<Self> {
         let (mut rows, ratios) = (numbers::rows()?, numbers::ratios()?);
         if inferred {
-            rows.iter_mut().for_each(|row| row.changes = geometry::with(geometry::inferred(&row.place), &row.changes));
+            rows.iter_mut().for_each(|row| row.changes = numbers::changed(numbers::inferred(&row.place), &row.changes));
         }
         let set = |(name, scene): (String, Scene)| {
             scene.mechanism()?;
             let ratio = |r: &Ratio| {
-                let mechanism = changed_mechanism(&scene, if inferred { geometry::inferred(&r.place) } else { "" })?;
+                let mechanism = changed_mechanism(&scene, if inferred { numbers::inferred(&r.place) } else { "" })?;
                 r.compute(&mechanism).map_err(|e| numbers::body(&e))
             };
             let numbers = rows.iter().map(|row| row.compute(&scene)).collect();
@@ -105,7 +105,7 @@ impl Comparison {
                 object["limit"] = json!(limit);
             }
             if self.inferred {
-                object["inferred_geometry"] = geometry::inferred(&row.place).into();
+                object["inferred_geometry"] = numbers::inferred(&row.place).into();
             }
             object
         };
@@ -143,7 +143,7 @@ impl Comparison {
     /// # Errors
     /// Never for the quantities that exist: each has a name.
     pub fn text(&self) -> Result<Vec<String>> {
-        let mut lines = if self.inferred { geometry::text() } else { Vec::new() };
+        let mut lines = if self.inferred { numbers::inferred_text() } else { Vec::new() };
         self.table(&mut lines)?;
         for (k, set) in (1..).zip(&self.sets) {
             let place = if self.sets.len() > 1 { format!("set {k}, ") } else { String::new() };

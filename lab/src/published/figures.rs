@@ -1,8 +1,7 @@
 //! The paper's Figs 6 to 11 and 13 redrawn: curves from the solver, the published points on them, and how far apart.
 
 use super::comparison::{Comparison, Set, per_cent, relative_error, remark};
-use super::geometry;
-use super::numbers::{Kind, Ratio, RatioQuantity, Row, TURNS, changed_mechanism};
+use super::numbers::{self, Kind, Ratio, RatioQuantity, Row, TURNS, changed_mechanism};
 use crate::curves::{self, Curve, PublishedPoint};
 use crate::scene_key;
 use crate::trace::{End, Trace, trace};
@@ -77,7 +76,7 @@ impl Comparison {
         members.extend(others.iter().map(|v| Member {
             label: scene_key::shown(key, *v),
             load_n,
-            changes: geometry::with(changes, &format!("{key}={v:?}")),
+            changes: numbers::changed(changes, &format!("{key}={v:?}")),
         }));
         let title = titled_with(&format!("{place}: {symbol} varied, {load_n} N"), changes);
         self.against_turns(&title, symbol, &place, &members)
@@ -85,7 +84,7 @@ impl Comparison {
 
     /// What differs from Table 1 at a place, where the geometry is inferred.
     fn own_geometry(&self, place: &str) -> &'static str {
-        if self.inferred { geometry::inferred(place) } else { "" }
+        if self.inferred { numbers::inferred(place) } else { "" }
     }
 
     /// Contraction and TR of some members, the points of this place of the paper on them.

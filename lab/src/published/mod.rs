@@ -1,14 +1,13 @@
 //! The numbers that the paper prints beside the same numbers computed for one or several scenes.
 //!
-//! - [`numbers`]: the printed numbers and quoted ratios, each with its computation.
-//! - [`geometry`]: geometry of some sweeps that the paper does not state; [`contradictions`]: what no law can meet.
+//! - [`numbers`]: the printed numbers and quoted ratios, each with its computation, and geometry that the paper does not state.
+//! - [`contradictions`]: what no law can meet.
 //! - [`identify`]: constants fitted to them.
 //! - `comparison`: both as rows, tables and CSV; `figures`: the paper's Figs 6 to 11 and 13 redrawn.
 
 mod comparison;
 pub mod contradictions;
 mod figures;
-pub mod geometry;
 pub mod identify;
 pub mod numbers;
 

@@ -76,7 +76,7 @@ fn a_stretch_looks_like_a_load() {
     // Of the stretch that was there while homing, the fit takes nearly all for load, and the rest for the LVDT's zero.
     let homed = 1.0 - ((-20.0f64 / 3.0).exp() + (-20.0f64 / 60.0).exp() + (-20.0f64 / 1800.0).exp()) / 3.0;
     let under = &budget.under[5];
-    let taken = under.homing.gap(&under.column.each(|_| whole_m * homed)).load;
+    let taken = under.homing.gap(&under.column.each(|_| whole_m * homed)).0;
     assert!((0.5..1.0).contains(&(taken / load * crept / homed)), "{taken} of {load}");
     near(at(&budget, Part::Memory, 5, 10)[1], load + taken, 0.05, "load");
     assert!(at(&budget, Part::Memory, 5, 10)[0] < 1e-6, "a stretch is measured");

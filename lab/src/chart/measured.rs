@@ -1,12 +1,112 @@
-//! One effect at a time that the table's model leaves out, drawn from the data of the study of rigs: errors of load and position, and
-//! where the chain from homing to following breaks as the effect is turned up.
+//! What other commands have measured, drawn from the files that they leave:
+//!
+//! - closed loop: the effect of a cheaper model or a less accurate table (`cargo xtask loop`);
+//! - target: the cost of each table and solver on the board (`cargo xtask cost`);
+//! - rigs and effects: one effect at a time that the table's model leaves out, from the study of rigs: errors of load and position, and
+//!   where the chain from homing to following breaks as the effect is turned up.
 
 use super::{Inputs, Made, distinct};
+use crate::closed_loop::Outcome;
 use anyhow::Result;
 use rigctl::plot::{Axis, Block, Figure, INK, Item, KeyRow, Panel, RGBColor, Shape, colour, extent};
 use serde::Deserialize;
 
-/// The command that measures what is drawn here.
+/// Draws `loop.csv` of this folder, or of `out`.
+///
+/// # Errors
+/// If there is none, or it cannot be read.
+pub fn closed_loop(inputs: &Inputs<'_>) -> Result<Made> {
+    let (csv, runs) = inputs.measured::<Outcome>("loop.csv", "cargo xtask loop")?;
+    let variants = distinct(runs.iter().map(|r| &r.variant));
+    let loads = distinct(runs.iter().map(|r| &r.load));
+    let panel = |label: &str, value: fn(&Outcome) -> Option<f64>| {
+        let mark = |r: &Outcome| {
+            let row = variants.iter().position(|v| **v == r.variant)?;
+            let load = loads.iter().position(|l| **l == r.load)?;
+            let at = (value(r)?, Axis::row(row, load, loads.len()));
+            Some(Item::mark(at, if r.fault.is_none() { Shape::Dot } else { Shape::Circle }, load_colour(load)))
+        };
+        let [low, high] = extent(runs.iter().filter_map(value));
+        let names = Axis::names(variants.iter().map(|name| name.as_str()));
+        Panel::new("", Axis::linear(label, [low.min(0.0), high]), names, runs.iter().filter_map(mark))
+    };
+    let key = loads.iter().enumerate().map(|(k, load)| KeyRow::mark(Shape::Dot, load_colour(k), *load));
+    let figure = Figure {
+        heading: "Closed loop: tables of other models and accuracies in the firmware".into(),
+        rows: vec![Panel::side_by_side([
+            panel("tracking error, µm rms", |r| r.rms_m.map(|m| m * 1e6)),
+            panel("error at rest, µm", |r| r.rest_m.map(|m| m.abs() * 1e6)),
+            panel("load estimate off by, %", |r| r.load_relative_error.map(|error| error.abs() * 1e2)),
+            panel("thousand instructions a tick", |r| Some(r.instructions_mean * 1e-3)),
+        ])],
+        panel_size: (330, 340),
+        blocks: vec![Block::new(key), Block::new([KeyRow::mark(Shape::Circle, INK, "a fault on the way")])],
+        notes: vec![
+            "Emulated board and rig, 12, 2 and 9 mm at 2 mm/s after homing. A table is fitted to its model to 5 µm and 0.2 % \
+             unless it says otherwise. Homing takes out what a scale of the twist and an offset of the gap can; the \
+             feedback does the rest. What a cheap model costs is the load."
+                .into(),
+        ],
+    };
+    Made::new(&figure, csv, Vec::new())
+}
+
+fn load_colour(k: usize) -> RGBColor {
+    colour([0, 4][k % 2], 6)
+}
+
+/// Smaller errors are rounding, and drawn here (m).
+const ROUNDING_M: f64 = 1e-14;
+
+/// A line of `cost.csv`.
+#[derive(Debug, Deserialize)]
+struct Way {
+    name: String,
+    instructions_mean: f64,
+    bytes: Option<u64>,
+    error: f64,
+    error_of: String,
+}
+
+/// Draws `cost.csv` of this folder, or of `out`.
+///
+/// # Errors
+/// If there is none, or it cannot be read.
+pub fn target(inputs: &Inputs<'_>) -> Result<Made> {
+    let (csv, mut ways) = inputs.measured::<Way>("cost.csv", "cargo xtask cost")?;
+    ways.retain(|way| way.error_of == "gap_m");
+    ways.sort_by(|a, b| a.instructions_mean.total_cmp(&b.instructions_mean));
+    let named = |way: &Way| way.bytes.map_or(way.name.clone(), |bytes| format!("{}, {bytes} bytes", way.name));
+    let panel = |label: &str, value: fn(&Way) -> f64| {
+        let mark = |(k, way): (usize, &Way)| {
+            Item::mark((value(way), Axis::row(k, 0, 1)), Shape::Dot, colour(if way.bytes.is_some() { 0 } else { 4 }, 6))
+        };
+        let x = Axis::log(label, extent(ways.iter().map(value)));
+        Panel::new("", x, Axis::names(ways.iter().map(named)), ways.iter().enumerate().map(mark))
+    };
+    let figure = Figure {
+        heading: "What each way to know the mechanism costs on the board (emulated)".into(),
+        rows: vec![Panel::side_by_side([
+            panel("instructions, mean", |way| way.instructions_mean),
+            panel("largest error of the gap, µm", |way| 1e6 * way.error.max(ROUNDING_M)),
+        ])],
+        panel_size: (640, 560),
+        blocks: Block::split(
+            2,
+            [
+                KeyRow::mark(Shape::Dot, colour(0, 6), "tables"),
+                KeyRow::mark(Shape::Dot, colour(4, 6), "models that are solved on the board"),
+            ],
+        ),
+        notes: vec![
+            "Errors against the full solver in f64. Instructions are not cycles: no stall or flash wait is counted."
+                .into(),
+        ],
+    };
+    Made::new(&figure, csv, Vec::new())
+}
+
+/// The command that measures effects.
 const COMMAND: &str = "cargo xtask results rigs";
 /// The files that it leaves: the rig of its own model, and single effects on rigs as built.
 const FILES: [&str; 2] = ["ideal-summary.csv", "each-summary.csv"];
@@ -43,7 +143,7 @@ const KINDS: [(&str, &str, usize); 3] = [
 ///
 /// # Errors
 /// If one is not there, or cannot be read.
-pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
+pub fn rigs(inputs: &Inputs<'_>) -> Result<Made> {
     let (mut csv, mut rows) = (String::new(), Vec::new());
     for file in FILES {
         let (text, more) = inputs.measured::<Row>(file, COMMAND)?;
@@ -159,7 +259,7 @@ mod tests {
     use super::*;
 
     fn rows(lines: &[&str]) -> Vec<Row> {
-        let header = "rig,effect,factor,table,check,floor,cases,missing,median,p95,worst,met,holds,failure\n";
+        let header = "rig,effect,factor,table,check,floor,cases,missing,median,p95,worst,met,holds\n";
         let text = header.to_owned() + &lines.join("\n");
         csv::Reader::from_reader(text.as_bytes()).deserialize().map(Result::unwrap).collect()
     }
@@ -167,9 +267,9 @@ mod tests {
     #[test]
     fn the_most_severe_broken_part_comes_first_and_is_named() {
         let rows = rows(&[
-            "hard,e,2,identified,load_after_homing,x,3,1,1,1,1,0.5,false,too light",
-            "hard,e,2,identified,zero_error_rad,x,3,1,,,,0.5,false,poor-fit",
-            "hard,e,2,identified,rest_true_m,x,3,0,1,1,1,1,true,",
+            "hard,e,2,identified,load_after_homing,x,3,1,1,1,1,0.5,false",
+            "hard,e,2,identified,zero_error_rad,x,3,1,,,,0.5,false",
+            "hard,e,2,identified,rest_true_m,x,3,0,1,1,1,1,true",
         ]);
         assert_eq!(broken(rows.iter()).into_iter().map(|(name, ..)| name).collect::<Vec<_>>(), ["homing", "load"]);
     }
