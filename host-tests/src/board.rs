@@ -109,17 +109,13 @@ impl Bench {
         Self::with(&elf, &uart_scene(), keys, seed)
     }
 
-    /// The same on a chip of one's own.
-    pub fn on(config: Config, keys: &[(&str, &str)], seed: u64) -> Self {
-        Self::boot(&firmware(), scene(), config, keys, seed)
-    }
-
     /// An image of one's own on the rig of a scene.
     pub fn with(elf: &[u8], scene: &Scene, keys: &[(&str, &str)], seed: u64) -> Self {
-        Self::boot(elf, scene, Config::default(), keys, seed)
+        Self::on(elf, scene, Config::default(), keys, seed)
     }
 
-    fn boot(elf: &[u8], scene: &Scene, config: Config, keys: &[(&str, &str)], seed: u64) -> Self {
+    /// The same on a chip of one's own.
+    pub fn on(elf: &[u8], scene: &Scene, config: Config, keys: &[(&str, &str)], seed: u64) -> Self {
         let rig = EmulatedRig::new(scene, rig_plant::bench::settings(keys), seed).unwrap_or_else(|e| panic!("{e}"));
         let mut machine = Machine::new(elf, rig, config).unwrap_or_else(|e| panic!("{e}"));
         assert!(machine.watch_function("control_tick"), "the ELF has no control_tick");

@@ -85,10 +85,6 @@ fn class(load_n: f64) -> usize {
     CLASSES.iter().position(|(_, kg)| load_n < kg * STANDARD_GRAVITY).unwrap_or(CLASSES.len() - 1)
 }
 
-fn same_load(moment: Moment) -> bool {
-    matches!(moment, Moment::Homed | Moment::Arrived)
-}
-
 /// Tries every rig.
 pub fn study(rigs: &Rigs) -> Study {
     let mut items = Vec::new();
@@ -107,7 +103,8 @@ fn table(all: &[Tried]) -> Study {
     let mut reasons: BTreeMap<String, usize> = BTreeMap::new();
     for Tried { calibrated, trial, stated, why } in all {
         for s in stated {
-            let key = (trial.kind as u8, *calibrated, !same_load(s.moment), class(s.true_load_n));
+            let changed = matches!(s.moment, Moment::Changed | Moment::Moved);
+            let key = (trial.kind as u8, *calibrated, changed, class(s.true_load_n));
             let [load, position] = covers.entry(key).or_default();
             let relative = s.load_n.map(|load_n| f64::from(load_n) / s.true_load_n - 1.0);
             load.add(s.holds_load(), s.load_error_n.map(|error_n| error_n / s.true_load_n as f32), relative);

@@ -76,29 +76,23 @@ fn go(bench: &mut ControlBench, target_m: f32, step: Option<(u32, f64)>, what: S
         return Outcome::failed(what, format!("refused: {reply:?}"));
     }
     let (mut errors_m, mut shown_m) = (Vec::new(), Vec::new());
-    let mut watch = |bench: &ControlBench| {
-        let true_m = bench.true_position_m();
-        errors_m.push(true_m - f64::from(target_m));
-        let position_m = bench.last.as_ref().and_then(|last| last.telemetry.position_m);
-        shown_m.extend(position_m.map(|m| f64::from(m) - true_m));
+    let mut watch = |bench: &mut ControlBench, limit_s: f64, while_it_moves: bool| {
+        bench.until(limit_s, |bench| {
+            let true_m = bench.true_position_m();
+            errors_m.push(true_m - f64::from(target_m));
+            let position_m = bench.last.as_ref().and_then(|last| last.telemetry.position_m);
+            shown_m.extend(position_m.map(|m| f64::from(m) - true_m));
+            while_it_moves && bench.control.state() != State::Moving
+        });
     };
     if let Some((ticks, to_kg)) = step {
-        bench.until(f64::from(TICK_S) * f64::from(ticks), |bench| {
-            watch(bench);
-            false
-        });
+        watch(bench, f64::from(TICK_S) * f64::from(ticks), false);
         if let Err(why) = hang(bench, to_kg) {
             return Outcome::failed(what, why);
         }
     }
-    bench.until(20.0, |bench| {
-        watch(bench);
-        bench.control.state() != State::Moving
-    });
-    bench.until(1.5, |bench| {
-        watch(bench);
-        false
-    });
+    watch(bench, 20.0, true);
+    watch(bench, 1.5, false);
     let failed = bench.control.state() != State::Holding;
     let failure = failed.then(|| format!("{:?} {}", bench.control.state(), bench.control.faults()));
     as_the_sensor_has_it(&mut errors_m, &shown_m);

@@ -137,10 +137,12 @@ fn table(found: &[(String, f32, Margins)]) -> Study {
             continue;
         }
         let mut cells = vec![name.clone()];
-        for (what, scale, unit, digits) in [("gain", 1.0, "", 2), ("delay_s", 1e3, " ms", 0)] {
+        for (k, (what, scale, unit, digits)) in
+            [("gain", 1.0, "", 2), ("delay_s", 1e3, " ms", 0)].into_iter().enumerate()
+        {
             for at_m in POSITIONS_M {
                 let here = found.iter().filter(|(of, at, _)| of == name && *at == at_m);
-                let margins = here.map(|(.., m)| if what == "gain" { m.gain } else { m.delay_s }).collect::<Vec<_>>();
+                let margins = here.map(|(.., margins)| margins[k]).collect::<Vec<_>>();
                 let Some((computed, _)) = margins.first() else { continue };
                 // None is less than any.
                 let measured = margins.iter().map(|(_, measured)| *measured);
@@ -166,16 +168,10 @@ fn table(found: &[(String, f32, Margins)]) -> Study {
     study
 }
 
-/// The margins at a place: computed, with the table's mechanism and no friction, and measured. Of those measured the last with
-/// which the load came to rest: the next step was too much, unless it is the maximum that was tried. `None` if the load oscillates
-/// without a change of the loop.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Margins {
-    /// By how much the gain of the open loop may grow.
-    gain: (f64, Option<f64>),
-    /// What further delay it tolerates (s).
-    delay_s: (f64, Option<f64>),
-}
+/// The margins at a place: by how much the gain of the open loop may grow, and what further delay it tolerates (s). Each is computed,
+/// with the table's mechanism and no friction, and measured: the last with which the load came to rest: the next step was too much,
+/// unless it is the maximum that was tried. `None` if the load oscillates without a change of the loop.
+type Margins = [(f64, Option<f64>); 2];
 
 /// The maximum values that are tried.
 fn max() -> Loosened {
@@ -199,7 +195,7 @@ impl Place {
     ///
     /// # Errors
     /// In words, if the load cannot be brought to its place, or has no equilibrium there.
-    pub fn margins(&self) -> Result<Margins, String> {
+    fn margins(&self) -> Result<Margins, String> {
         let mut bench = brought(&self.rig.0, self.load_kg, self.at_m)?;
         bench.run(1.0);
         let rests = |loosened: Loosened| {
@@ -211,10 +207,10 @@ impl Place {
         let mechanism = scene().mechanism().map_err(|e| e.to_string())?;
         let hung = hung_at(&mechanism, KEPT * self.load_kg * STANDARD_GRAVITY, self.at_m.into())?;
         let firmware = LinearLoop::damped();
-        Ok(Margins {
-            gain: (hung.gain_margin(&firmware), last(by_gain).map(|loosened| loosened.gain)),
-            delay_s: (hung.delay_margin(&firmware, max().delay_s), last(by_delay).map(|loosened| loosened.delay_s)),
-        })
+        Ok([
+            (hung.gain_margin(&firmware), last(by_gain).map(|loosened| loosened.gain)),
+            (hung.delay_margin(&firmware, max().delay_s), last(by_delay).map(|loosened| loosened.delay_s)),
+        ])
     }
 }
 
@@ -232,8 +228,7 @@ mod tests {
 
     #[test]
     fn rigs_of_a_kind_share_a_row_and_a_swing_without_a_change_says_so() {
-        let one =
-            |gain| ("hard, 0.6 kg".to_owned(), 0.008, Margins { gain: (1.96, gain), delay_s: (0.048, Some(0.1)) });
+        let one = |gain| ("hard, 0.6 kg".to_owned(), 0.008, [(1.96, gain), (0.048, Some(0.1))]);
         let study = table(&[one(Some(1.77)), one(Some(1.46))]);
         assert_eq!(study.table[0][..3], ["rig, load", "gain at 2 mm", "gain at 8 mm"]);
         assert_eq!(study.table[1], ["hard, 0.6 kg", "1.96: 1.46 to 1.77", "48: 100 ms"]);

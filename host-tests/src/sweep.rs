@@ -24,14 +24,11 @@ const STOPS_S: f64 = 5.0;
 
 /// A rig that can be swept.
 pub trait Swept {
-    /// One tick later: when (s), and what the board says of itself.
-    fn tick(&mut self) -> (f64, Option<Telemetry>);
-
-    /// A request.
+    /// One tick later, or once a request has been taken: when (s), and what the board says of itself.
     ///
     /// # Errors
-    /// Its refusal, in words.
-    fn request(&mut self, request: Request) -> Result<(), String>;
+    /// The request's refusal, in words.
+    fn tick(&mut self, request: Option<Request>) -> Result<(f64, Option<Telemetry>), String>;
 
     /// What the last homing found.
     fn homed(&self) -> Option<HomingResult>;
@@ -42,16 +39,12 @@ fn last_homing<'e>(events: impl DoubleEndedIterator<Item = &'e EventKind>) -> Op
 }
 
 impl Swept for ControlBench {
-    fn tick(&mut self) -> (f64, Option<Telemetry>) {
-        let telemetry = ControlBench::tick(self, None).telemetry;
-        (self.time_s(), Some(telemetry))
-    }
-
-    fn request(&mut self, request: Request) -> Result<(), String> {
-        match ControlBench::tick(self, Some(request)).reply {
-            Some(Ok(_)) => Ok(()),
-            reply => Err(format!("refused: {reply:?}")),
+    fn tick(&mut self, request: Option<Request>) -> Result<(f64, Option<Telemetry>), String> {
+        let (asked, out) = (request.is_some(), ControlBench::tick(self, request));
+        if asked && !matches!(out.reply, Some(Ok(_))) {
+            return Err(format!("refused: {:?}", out.reply));
         }
+        Ok((self.time_s(), Some(out.telemetry)))
     }
 
     fn homed(&self) -> Option<HomingResult> {
@@ -60,16 +53,16 @@ impl Swept for ControlBench {
 }
 
 impl Swept for Bench {
-    fn tick(&mut self) -> (f64, Option<Telemetry>) {
-        self.step();
-        (self.machine.now_s(), self.last)
-    }
-
-    fn request(&mut self, request: Request) -> Result<(), String> {
-        self.ask(&request).map_err(|refusal| format!("refused: {refusal}"))?;
-        // What it sends next may still be of before.
-        self.run(0.02);
-        Ok(())
+    fn tick(&mut self, request: Option<Request>) -> Result<(f64, Option<Telemetry>), String> {
+        match request {
+            Some(request) => {
+                self.ask(&request).map_err(|refusal| format!("refused: {refusal}"))?;
+                // What it sends next may still be of before.
+                self.run(0.02);
+            }
+            None => self.step(),
+        }
+        Ok((self.machine.now_s(), self.last))
     }
 
     fn homed(&self) -> Option<HomingResult> {
@@ -98,13 +91,13 @@ pub fn swept(rig: &mut impl Swept, load_n: f64, turns: f64) -> Result<Sweep, Str
 /// Turns the strings from one twist to another (rad).
 fn turn(rig: &mut impl Swept, [from, to]: [f64; 2], log: &mut Log) -> Result<(), String> {
     let sign = (to - from).signum();
-    rig.request(Request::Jog { twist_speed_rad_per_s: (sign * SPEED_RAD_PER_S) as f32 })?;
+    rig.tick(Some(Request::Jog { twist_speed_rad_per_s: (sign * SPEED_RAD_PER_S) as f32 }))?;
     let limit_s = (to - from).abs() / SPEED_RAD_PER_S + 10.0;
     let near = |t: &Telemetry| {
         sign * (to - t.twist_rad.map_or(from, f64::from)) < SPEED_RAD_PER_S * TURN_AHEAD_S || t.state != State::Moving
     };
     record(rig, log, limit_s, near);
-    rig.request(Request::Stop)?;
+    rig.tick(Some(Request::Stop))?;
     let mut fault = None;
     let stands = record(rig, log, STOPS_S, |t| {
         fault = t.fault;
@@ -120,7 +113,7 @@ fn turn(rig: &mut impl Swept, [from, to]: [f64; 2], log: &mut Log) -> Result<(),
 /// Takes the telemetry of so many seconds into a log, or of less once it is `done`; whether it was.
 fn record(rig: &mut impl Swept, log: &mut Log, seconds: f64, mut done: impl FnMut(&Telemetry) -> bool) -> bool {
     for _ in 0..(seconds * 100.0).round() as usize {
-        let (t_s, Some(t)) = rig.tick() else { continue };
+        let Ok((t_s, Some(t))) = rig.tick(None) else { continue };
         log.rows.push(Row::new(t_s, &t, None, None));
         if done(&t) {
             return true;

@@ -73,8 +73,7 @@ enum Task {
         #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
         rest: Vec<String>,
     },
-    /// Compare this controller with others: play scenarios on random plants or on rigs of a kind (docs/comparison.svg,
-    /// .csv)
+    /// Compare this controller with others: play scenarios on random plants or on rigs of a kind (docs/comparison.svg)
     Compare {
         /// Arguments of the comparison: --plants, --rig, --out
         #[arg(trailing_var_arg = true, allow_hyphen_values = true)]

@@ -36,7 +36,7 @@ enum Task {
     /// Slow motion: how long a load stands, and how uneven its speed is
     Slow(Rigs),
     /// The firmware's control beside the usual ways to drive a twisted string
-    Compare(compare::study::Arguments),
+    Compare(compare::Arguments),
     /// The control code on emulated rigs that are not their own model
     Rigs(rigs::Arguments),
     /// How often the stated errors of load and position hold the truth
@@ -67,7 +67,7 @@ fn measured(task: &Task) -> Result<Study> {
         Task::Margins(rigs) => margins::study(rigs),
         Task::Slow(rigs) => Ok(slow::study(rigs)),
         Task::Following(rigs) => following::study(rigs),
-        Task::Compare(arguments) => compare::study::study(arguments),
+        Task::Compare(arguments) => compare::study(arguments),
         Task::Rigs(arguments) => rigs::measured(arguments),
         Task::Coverage(rigs) => Ok(coverage::study(rigs)),
         Task::Endurance(arguments) => Ok(endurance::study(arguments)),

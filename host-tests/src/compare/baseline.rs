@@ -91,14 +91,6 @@ enum Phase {
     Ready,
 }
 
-/// Where a constant speed goes.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Trajectory {
-    target_m: f32,
-    /// Twist speed (rad/s); 0 once there.
-    speed: f32,
-}
-
 /// Ticks that the shaft has to stand, rest at the pre-twist, and of those averaged over.
 const STANDING: u16 = 20;
 const RESTED: u16 = 140;
@@ -130,7 +122,8 @@ pub struct Baseline {
     /// Sign of the last move's way; 0 before the first.
     way: f32,
     reference_load_n: f32,
-    trajectory: Option<Trajectory>,
+    /// Where a constant speed goes (m), and the twist speed (rad/s); 0 once there.
+    trajectory: Option<(f32, f32)>,
     /// The drive was told to start.
     started: bool,
 }
@@ -243,19 +236,19 @@ impl Baseline {
     /// Constant speed towards each new target, until the LVDT shows it.
     fn constant_speed(&mut self, speed: Option<f32>, position_m: f32) -> f32 {
         let Wanted { target_m, asked_m_per_s, .. } = self.wanted;
-        let trajectory = match self.trajectory {
-            Some(trajectory) if trajectory.target_m == target_m => trajectory,
+        let speed = match self.trajectory {
+            Some((at_m, speed)) if at_m == target_m => speed,
             _ => {
                 let seconds = (target_m - position_m).abs().max(1e-6) / asked_m_per_s.max(1e-6);
                 let turns = (self.twist_at(target_m) - self.twist_at(position_m)).abs();
                 let speed = speed.unwrap_or(turns / seconds).min(self.rig.twist_speed_max());
-                Trajectory { target_m, speed: speed.copysign(target_m - position_m) }
+                speed.copysign(target_m - position_m)
             }
         };
-        let left_m = (target_m - position_m) * trajectory.speed.signum();
-        let trajectory = if left_m > 0.0 { trajectory } else { Trajectory { speed: 0.0, ..trajectory } };
-        self.trajectory = Some(trajectory);
-        trajectory.speed
+        let left_m = (target_m - position_m) * speed.signum();
+        let speed = if left_m > 0.0 { speed } else { 0.0 };
+        self.trajectory = Some((target_m, speed));
+        speed
     }
 
     /// Set-point of the shaft for this tick.

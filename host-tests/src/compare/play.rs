@@ -25,14 +25,8 @@ pub struct Record {
     pub energy_j: f64,
 }
 
-/// A scenario on one plant as a controller played it.
-#[derive(Clone, Debug)]
-pub struct Played {
-    /// Its moves, up to where it failed.
-    pub records: Vec<Record>,
-    /// How it failed, if it did.
-    pub failure: Option<String>,
-}
+/// A scenario on one plant as a controller played it: its moves, up to where it failed, and how it failed, if it did.
+pub type Played = (Vec<Record>, Option<String>);
 
 /// Plays one move: before each tick `tick` moves the bench on and says where the load should be.
 fn record<C: ControlLaw>(
@@ -80,7 +74,7 @@ pub fn firmware(scenario: &Scenario, plant: &Subject, firmware: &Firmware) -> Pl
         Ok(())
     };
     let failure = play().err();
-    Played { records, failure }
+    (records, failure)
 }
 
 /// A baseline that stands at its reference, along the firmware's set-points, as far as the plant takes its changes.

@@ -1,4 +1,4 @@
-//! The comparison's figures as rows of a CSV, as a study, and as a picture.
+//! The comparison's figures as a study and as a picture.
 
 use super::score::Summary;
 use super::{Entry, settled_m};
@@ -8,7 +8,6 @@ use anyhow::Result;
 use rig_plant::RigPreset;
 use rig_plant::units::STANDARD_GRAVITY;
 use rigctl::plot::{Axis, Block, Figure, Item, KeyRow, Panel, Shape, colour, extent};
-use serde::Serialize;
 
 /// What others publish.
 const ELSEWHERE: &str = "Published, on other actuators and moves: closed loop on a dual TSA under 500 g, largest \
@@ -21,8 +20,8 @@ const TRACKING: &str = "Tracking counts from where the set-point sets out. A loa
 const NOT_MADE: &str = "A move that was not made, because its controller had failed, counts as not settled. Errors are those of the \
     moves that both this controller and the other made.";
 
-/// A row of the CSV: a controller under one load. An empty settling time means that fewer than nine moves of ten settled.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+/// A controller under one load, its numbers rounded to what tells something.
+#[derive(Clone, Debug, Default, PartialEq)]
 struct Row {
     controller: &'static str,
     load_kg: f64,
@@ -31,7 +30,6 @@ struct Row {
     not_made: usize,
     max_error_um: f64,
     rms_error_um: f64,
-    settling_s: Option<f64>,
     settled_share: f64,
     overshoot_um: f64,
     energy_j: f64,
@@ -53,37 +51,25 @@ impl Row {
             not_made: s.not_made,
             max_error_um: um(s.max_m),
             rms_error_um: um(s.rms_m),
-            settling_s: s.settling_s.is_finite().then(|| rounded(s.settling_s, 2)),
             settled_share: rounded(s.settled, 3),
             overshoot_um: um(s.overshoot_m),
             energy_j: rounded(s.energy_j, 4),
         }
     }
-}
 
-/// What a controller did under all loads: the root of the mean square, the mean, or the largest.
-struct OverLoads {
-    rms_um: f64,
-    largest_mm: f64,
-    settled_percent: f64,
-    overshoot_mm: f64,
-    energy_j: f64,
-    moves: usize,
-    not_made: usize,
-}
-
-impl OverLoads {
-    fn new(rows: &[&Row]) -> Self {
-        let mean = |of: fn(&Row) -> f64| rows.iter().map(|row| of(row)).sum::<f64>() / rows.len() as f64;
-        let max = |of: fn(&Row) -> f64| rows.iter().map(|row| of(row)).fold(0.0, f64::max);
+    /// What a controller did under all loads: the root of the mean square, the mean, or the largest.
+    fn over_loads(rows: &[&Self]) -> Self {
+        let mean = |of: fn(&Self) -> f64| rows.iter().map(|row| of(row)).sum::<f64>() / rows.len() as f64;
+        let max = |of: fn(&Self) -> f64| rows.iter().map(|row| of(row)).fold(0.0, f64::max);
         Self {
-            rms_um: mean(|row| row.rms_error_um * row.rms_error_um).sqrt(),
-            largest_mm: 1e-3 * max(|row| row.max_error_um),
-            settled_percent: 100.0 * mean(|row| row.settled_share),
-            overshoot_mm: 1e-3 * max(|row| row.overshoot_um),
+            rms_error_um: mean(|row| row.rms_error_um * row.rms_error_um).sqrt(),
+            max_error_um: max(|row| row.max_error_um),
+            settled_share: mean(|row| row.settled_share),
+            overshoot_um: max(|row| row.overshoot_um),
             energy_j: mean(|row| row.energy_j),
             moves: rows.iter().map(|row| row.moves).sum(),
             not_made: rows.iter().map(|row| row.not_made).sum(),
+            ..Self::default()
         }
     }
 }
@@ -140,35 +126,35 @@ impl Results {
             "largest overshoot, mm",
             "energy, J",
         ]);
-        let over_loads = |name: &&str| [false, true].map(|steps| OverLoads::new(&self.rows(name, steps)));
-        let all: Vec<[OverLoads; 2]> = self.names.iter().map(over_loads).collect();
+        let over_loads = |name: &&str| [false, true].map(|steps| Row::over_loads(&self.rows(name, steps)));
+        let all: Vec<[Row; 2]> = self.names.iter().map(over_loads).collect();
         let [ours, fixed, ..] = &all[..] else { anyhow::bail!("fewer than two controllers") };
         let rig = self.rig;
         for (name, found) in self.names.iter().zip(&all) {
-            let both = |of: fn(&OverLoads) -> f64, digits: usize| {
+            let both = |of: fn(&Row) -> f64, digits: usize| {
                 let [without, with] = found.each_ref().map(of);
                 format!("{without:.digits$}; {with:.digits$}")
             };
             study.row([
                 rig.map_or((*name).to_owned(), |rig| format!("{rig}: {name}")),
-                both(|f| f.rms_um, 0),
-                both(|f| f.largest_mm, 2),
-                format!("{:.0} %; {:.0} %", found[0].settled_percent, found[1].settled_percent),
-                both(|f| f.overshoot_mm, 2),
-                both(|f| f.energy_j, 2),
+                both(|row| row.rms_error_um, 0),
+                both(|row| 1e-3 * row.max_error_um, 2),
+                both(|row| 100.0 * row.settled_share, 0).replace(';', " %;") + " %",
+                both(|row| 1e-3 * row.overshoot_um, 2),
+                both(|row| row.energy_j, 2),
             ]);
             for (steps, theirs, ours) in [("steady", &found[0], &ours[0]), ("steps", &found[1], &ours[1])] {
                 let Some(rig) = rig else { continue };
                 let key = format!("{rig}_{}_{steps}", letter(name));
-                study.value(format!("{key}_rms_times"), theirs.rms_um / ours.rms_um);
-                study.value(format!("{key}_settled_percent"), theirs.settled_percent);
+                study.value(format!("{key}_rms_times"), theirs.rms_error_um / ours.rms_error_um);
+                study.value(format!("{key}_settled_percent"), 100.0 * theirs.settled_share);
                 study.value(format!("{key}_not_made"), theirs.not_made as f64);
             }
         }
         match rig {
             None => {
-                study.value("rms_um", ours[0].rms_um);
-                study.value("fixed_ratio_times", fixed[0].rms_um / ours[0].rms_um);
+                study.value("rms_um", ours[0].rms_error_um);
+                study.value("fixed_ratio_times", fixed[0].rms_error_um / ours[0].rms_error_um);
                 study.value("plants", self.plants.0 as f64);
                 study.notes.push(ELSEWHERE.into());
             }
@@ -190,14 +176,6 @@ impl Results {
         study.notes.push(TRACKING.into());
         study.notes.extend(self.notes.iter().cloned());
         Ok(study)
-    }
-
-    /// For machines. Lengths in µm.
-    ///
-    /// # Errors
-    /// Never for the rows that exist.
-    pub fn csv(&self) -> Result<String> {
-        lab::csv(&self.rows)
     }
 
     /// The picture: a row for each controller, a dot for each load.
@@ -263,21 +241,15 @@ mod tests {
             settled_share,
             ..Row::default()
         };
-        let found = OverLoads::new(&[&row(4, 0, [1000.0, 30.0, 1.0]), &row(4, 3, [2000.0, 40.0, 0.25])]);
-        assert!((found.rms_um - (0.5f64 * (900.0 + 1600.0)).sqrt()).abs() < 1e-9, "{}", found.rms_um);
-        assert_eq!((found.moves, found.not_made, found.settled_percent, found.largest_mm), (8, 3, 62.5, 2.0));
+        let found = Row::over_loads(&[&row(4, 0, [1000.0, 30.0, 1.0]), &row(4, 3, [2000.0, 40.0, 0.25])]);
+        assert!((found.rms_error_um - (0.5f64 * (900.0 + 1600.0)).sqrt()).abs() < 1e-9, "{}", found.rms_error_um);
+        assert_eq!((found.moves, found.not_made, found.settled_share, found.max_error_um), (8, 3, 0.625, 2000.0));
     }
 
     #[test]
     fn a_row_is_kept_as_it_is_written() {
-        let summary = Summary {
-            moves: 4,
-            max_m: 1.234_56e-4,
-            settled: 2.0 / 3.0,
-            settling_s: f64::INFINITY,
-            ..Summary::default()
-        };
+        let summary = Summary { moves: 4, max_m: 1.234_56e-4, settled: 2.0 / 3.0, ..Summary::default() };
         let row = Row::new("a", 0.1499 * STANDARD_GRAVITY, true, &summary);
-        assert_eq!((row.load_kg, row.max_error_um, row.settled_share, row.settling_s), (0.1, 123.5, 0.667, None));
+        assert_eq!((row.load_kg, row.max_error_um, row.settled_share), (0.1, 123.5, 0.667));
     }
 }

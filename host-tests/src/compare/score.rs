@@ -1,7 +1,6 @@
 //! What a record is worth: tracking, settling, overshoot, energy.
 
 use super::play::Record;
-use crate::study::Sorted;
 use rig_control::TICK_S;
 use std::ops::Range;
 
@@ -78,8 +77,6 @@ pub struct Summary {
     pub max_m: f64,
     /// Root mean square of the tracking error over all ticks of all moves (m).
     pub rms_m: f64,
-    /// Settling time that nine moves of ten keep (s); infinite if fewer settled.
-    pub settling_s: f64,
     /// Fraction of all moves that settled.
     pub settled: f64,
     /// Largest overshoot (m).
@@ -97,14 +94,12 @@ impl Summary {
         }
         let max = |value: fn(&Score) -> f64| scores.iter().map(|s| value(s)).fold(0.0, f64::max);
         let sum = |value: fn(&Score) -> f64| scores.iter().map(|s| value(s)).sum::<f64>();
-        let settling = Sorted::new(scores.iter().map(|s| s.settling_s.unwrap_or(f64::INFINITY)));
         let made = scores.iter().filter(|s| s.made).count();
         Self {
             moves: scores.len(),
             not_made: scores.len() - made,
             max_m: max(|s| s.max_m),
             rms_m: (sum(|s| s.squares_m2) / sum(|s| s.ticks as f64).max(1.0)).sqrt(),
-            settling_s: settling.quantile(0.9).unwrap_or(f64::INFINITY),
             settled: scores.iter().filter(|s| s.settling_s.is_some()).count() as f64 / scores.len() as f64,
             overshoot_m: max(|s| s.overshoot_m),
             energy_j: sum(|s| s.energy_j) / made.max(1) as f64,
@@ -166,17 +161,5 @@ mod tests {
         assert_eq!((summary.moves, summary.not_made, summary.settled), (2, 1, 0.5));
         assert!((summary.rms_m - 2e-4).abs() < 1e-12);
         assert_eq!(summary.energy_j, 2.0, "the mean of what was spent");
-    }
-
-    #[test]
-    fn nine_of_ten_moves_have_to_settle_for_a_settling_time() {
-        let settled = |s: f64| Score { settling_s: Some(s), ticks: 1, ..Score::default() };
-        let not = Score { settling_s: None, ..settled(0.0) };
-        let mut scores: Vec<Score> = (1..=9).map(|k| settled(0.1 * f64::from(k))).collect();
-        scores.push(not);
-        assert!((Summary::new(&scores).settling_s - 0.9).abs() < 1e-12);
-        scores[0] = not;
-        let summary = Summary::new(&scores);
-        assert_eq!((summary.settling_s, summary.settled), (f64::INFINITY, 0.8));
     }
 }

@@ -148,16 +148,12 @@ impl<R: Rng> Run<'_, R> {
         let idle = |b: &Bench| matches!(b.state(), State::Unhomed | State::Ready | State::Holding);
         assert!(self.board.until(10.0, idle), "after {fault:?}: {:?}", self.board.last);
         if self.board.state() == State::Unhomed {
-            self.home(&format!("after {fault:?}"));
+            self.home(&Request::HOME, &format!("after {fault:?}"));
         }
     }
 
     /// Homes a rig that nothing has moved.
-    fn home(&mut self, when: &str) {
-        self.home_with(&Request::HOME, when);
-    }
-
-    fn home_with(&mut self, request: &Request, when: &str) {
+    fn home(&mut self, request: &Request, when: &str) {
         let before_rad = self.twist_rad();
         self.board.run(0.5);
         let turned_rad = (self.twist_rad() - before_rad).abs();
@@ -178,7 +174,7 @@ impl<R: Rng> Run<'_, R> {
         self.board.greet();
         let waits = |b: &Bench| b.state() == State::Unhomed;
         assert!(self.board.until(5.0, waits), "after a power failure: {:?}", self.board.last);
-        self.home("after a power failure");
+        self.home(&Request::HOME, "after a power failure");
     }
 
     /// A setting that is being written has its old value or its new one.
@@ -198,8 +194,7 @@ impl<R: Rng> Run<'_, R> {
     fn step_load(&mut self) {
         let fraction = self.random.random_range(-LOAD_STEP..LOAD_STEP);
         self.load_kg = (self.load_kg * (1.0 + fraction)).clamp(0.3, 1.5);
-        let load = format!("{}kg", self.load_kg);
-        self.board.machine.board_mut().set_plant("load", &load).expect("a plant key");
+        self.hang();
         self.board.run(4.0);
         match self.board.state() {
             State::Fault => {
@@ -208,6 +203,11 @@ impl<R: Rng> Run<'_, R> {
             }
             state => assert!(matches!(state, State::Holding | State::Ready), "{state:?} after a step of the load"),
         }
+    }
+
+    fn hang(&mut self) {
+        let load = format!("{}kg", self.load_kg);
+        self.board.machine.board_mut().set_plant("load", &load).expect("a plant key");
     }
 
     /// A stream about the present place, which ends as one that has dried up.
@@ -229,17 +229,14 @@ impl<R: Rng> Run<'_, R> {
                 self.board.step();
             }
         }
-        let (before, ended) = (self.board.events.len(), |e: &EventKind| matches!(e, EventKind::StreamEnded(_)));
         assert!(
             self.board.until(STREAM_ENDS_S, |b| matches!(b.state(), State::Holding | State::Ready)),
             "{:?}",
             self.board.last
         );
-        let end = self.board.events.iter().rev().find(|e| ended(e));
-        assert!(!followed || end.is_some(), "no event, {before} before");
-        if followed && let Some(EventKind::StreamEnded(end)) = end {
-            assert!(matches!(end, StreamEnd::Late | StreamEnd::Refused), "{end:?}");
-        }
+        let end = |e: &EventKind| if let EventKind::StreamEnded(end) = e { Some(*end) } else { None };
+        let end = self.board.events.iter().rev().find_map(end);
+        assert!(!followed || matches!(end, Some(StreamEnd::Late | StreamEnd::Refused)), "{end:?}");
     }
 
     /// Nothing moves while the board takes a table, and it is homed again.
@@ -257,7 +254,7 @@ impl<R: Rng> Run<'_, R> {
         let fit = scene.fit_table().unwrap_or_else(|why| panic!("{why}: {scene:?}"));
         assert_eq!(self.board.send_table(&fit.table.table()), Ok(true));
         assert_eq!(self.board.state(), State::Unhomed, "with a new table");
-        self.home("with a new table");
+        self.home(&Request::HOME, "with a new table");
     }
 
     /// The LVDT is calibrated, the rig swept under three weighed loads, and the run goes on with the table of what was identified.
@@ -268,7 +265,7 @@ impl<R: Rng> Run<'_, R> {
         let sweep = |load_kg: f64| {
             self.lay_on(load_kg);
             let load_n = load_kg * STANDARD_GRAVITY;
-            self.home_with(&Request::Home { load: LoadChoice::Known(load_n as f32) }, "for a sweep");
+            self.home(&Request::Home { load: LoadChoice::Known(load_n as f32) }, "for a sweep");
             let sweep = swept(&mut *self.board, load_n, SWEEP_TURNS);
             (format!("{load_kg} kg"), sweep.unwrap_or_else(|why| panic!("sweep under {load_kg} kg: {why}")))
         };
@@ -285,8 +282,7 @@ impl<R: Rng> Run<'_, R> {
     pub(super) fn lay_on(&mut self, load_kg: f64) {
         while f64::abs(load_kg - self.load_kg) > 1e-9 {
             self.load_kg += f64::clamp(load_kg - self.load_kg, -0.01, 0.01);
-            let load = format!("{}kg", self.load_kg);
-            self.board.machine.board_mut().set_plant("load", &load).expect("a plant key");
+            self.hang();
             self.board.run(0.05);
         }
         self.board.run(1.0);

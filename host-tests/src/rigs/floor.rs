@@ -99,9 +99,9 @@ impl Check {
         CHECKS[self as usize].1
     }
 
-    /// The row of the table that it belongs to; none if nothing is asked of it.
-    pub fn row(self) -> Option<&'static str> {
-        Some(CHECKS[self as usize].2).filter(|row| !row.is_empty())
+    /// The row of the table that it belongs to; empty if it has none.
+    pub fn row(self) -> &'static str {
+        CHECKS[self as usize].2
     }
 
     /// Factor and unit with which its values are shown.

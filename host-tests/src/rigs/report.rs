@@ -33,8 +33,6 @@ pub struct Line {
     met: Option<f64>,
     /// Whether the floor holds.
     pub holds: Option<bool>,
-    /// The first case that misses it.
-    failure: Option<String>,
 }
 
 /// The rigs of one kind, with the same effects, all commissioned or all as built.
@@ -68,10 +66,6 @@ impl Results<'_> {
         self.scored.len()
     }
 
-    fn table(&self) -> &'static str {
-        if self.as_built { "as-built" } else { "identified" }
-    }
-
     /// One row.
     pub fn line(&self, check: Check) -> Line {
         let asked = check.floor(self.kind, self.as_built);
@@ -99,12 +93,11 @@ impl Results<'_> {
             }
         };
         let first = &self.scored[0].subject;
-        let failed = self.failed().find(|(_, f)| f.check == check);
         Line {
             rig: self.kind.name(),
             effect: first.effect.clone(),
             factor: first.factor,
-            table: self.table(),
+            table: if self.as_built { "as-built" } else { "identified" },
             check,
             asked,
             floor: asked.map(|floor| floor.text(check)),
@@ -115,13 +108,12 @@ impl Results<'_> {
             worst: at(1.0),
             met,
             holds,
-            failure: failed.map(|(scored, f)| format!("rig {}{}: {}", scored.subject.seed, under(f), shown(f))),
         }
     }
 
     /// The rows of the table.
     pub fn lines(&self) -> Vec<Line> {
-        Check::all().filter(|check| check.row().is_some()).map(|check| self.line(check)).collect()
+        Check::all().filter(|check| !check.row().is_empty()).map(|check| self.line(check)).collect()
     }
 
     /// Every finding that does not meet its floor, and on which rig.
@@ -134,7 +126,7 @@ impl Results<'_> {
     /// The same in words: where, what, and when or why.
     pub fn failures(&self) -> Vec<String> {
         let words = |(scored, f): (&Scored, &Finding)| {
-            format!("{}{}: {}: {}", scored.subject, under(f), f.check.row().unwrap_or(f.check.name()), shown(f))
+            format!("{}{}: {}: {}", scored.subject, under(f), f.check.row(), shown(f))
         };
         self.failed().map(words).collect()
     }
@@ -188,10 +180,6 @@ impl Line {
         }
     }
 
-    fn name(&self) -> String {
-        self.check.row().unwrap_or(self.check.name()).to_owned()
-    }
-
     /// How much meets the floor.
     fn met(&self) -> String {
         let met = self.met.map_or("-".into(), |met| match self.asked {
@@ -220,7 +208,7 @@ pub fn page([identified, as_built, ratio]: [&[Results<'_>]; 3]) -> Result<Study>
             let built = theirs.line(line.check);
             let rigs = kind.to_string();
             study.row([
-                line.name(),
+                line.check.row().to_owned(),
                 rigs,
                 line.floor.clone().unwrap_or("-".into()),
                 line.spread(),
@@ -273,10 +261,7 @@ mod tests {
         assert!(study.notes[0].contains("1 cases miss"), "{}", study.notes[0]);
         assert!(page([&groups[..1], &groups, &groups]).is_err(), "hard rigs are missing");
         let [(_, summary), (_, json)] = files(&groups).unwrap();
-        assert!(
-            summary
-                .starts_with("rig,effect,factor,table,check,floor,cases,missing,median,p95,worst,met,holds,failure\n")
-        );
+        assert!(summary.starts_with("rig,effect,factor,table,check,floor,cases,missing,median,p95,worst,met,holds\n"));
         assert!(json.contains("hard rig 1, 0.5 kg: homing succeeds, zero: none"), "{json}");
     }
 }

@@ -8,38 +8,26 @@ use rig_plant::rig::{EmulatedRig, RigError};
 use rig_plant::{PlantChange, PlantKey, RigPreset};
 use std::fmt;
 
-/// One of what real rigs have besides their model.
-pub struct Effect {
-    /// As in figures and tables.
-    pub name: &'static str,
-    /// The plant keys that make it.
-    pub keys: &'static [PlantKey],
-}
-
-const fn effect(name: &'static str, keys: &'static [PlantKey]) -> Effect {
-    Effect { name, keys }
-}
+/// One of what real rigs have besides their model: its name in figures and tables, and the plant keys that make it.
+pub type Effect = (&'static str, &'static [PlantKey]);
 
 /// All of them, as crates/rig-plant/README.md has them.
 pub const EFFECTS: [Effect; 10] = {
     use PlantKey as K;
     [
-        effect("current reading", &[K::CurrentOffset, K::CurrentNoise, K::CurrentQuantum]),
-        effect(
+        ("current reading", &[K::CurrentOffset, K::CurrentNoise, K::CurrentQuantum]),
+        (
             "motor and gear",
             &[K::TorqueConstantScale, K::MotorFriction, K::MotorFrictionAsymmetry, K::GearEfficiency, K::GearBacklash],
         ),
-        effect(
-            "rail friction",
-            &[K::Friction, K::FrictionLoadShare, K::StictionRatio, K::StribeckSpeed, K::Presliding],
-        ),
-        effect("rod hysteresis", &[K::RodHysteresis]),
-        effect("string creep", &[K::StringCreep]),
-        effect("string bedding", &[K::StringBedding]),
-        effect("twist play", &[K::TwistPlay]),
-        effect("LVDT and converter", &[K::LvdtNonlinearity, K::AdcInl, K::LvdtNoiseInband, K::Hum]),
-        effect("radius law", &[K::TwistExponentShift]),
-        effect("temperature", &[K::Temperature]),
+        ("rail friction", &[K::Friction, K::FrictionLoadShare, K::StictionRatio, K::StribeckSpeed, K::Presliding]),
+        ("rod hysteresis", &[K::RodHysteresis]),
+        ("string creep", &[K::StringCreep]),
+        ("string bedding", &[K::StringBedding]),
+        ("twist play", &[K::TwistPlay]),
+        ("LVDT and converter", &[K::LvdtNonlinearity, K::AdcInl, K::LvdtNoiseInband, K::Hum]),
+        ("radius law", &[K::TwistExponentShift]),
+        ("temperature", &[K::Temperature]),
     ]
 };
 
@@ -94,14 +82,6 @@ impl Subject {
         Self { changes: changes.into(), ..Self::new(RigPreset::Ideal, seed) }
     }
 
-    /// The same rig but for this key.
-    #[must_use]
-    pub fn with(mut self, change: PlantChange) -> Self {
-        self.changes.retain(|s| s.key != change.key);
-        self.changes.push(change);
-        self
-    }
-
     /// One of its keys.
     pub fn value(&self, key: PlantKey) -> f64 {
         self.changes.iter().find(|s| s.key == key).map_or(f64::NAN, |s| s.value)
@@ -109,13 +89,13 @@ impl Subject {
 
     /// The rig of its own model but for one effect, `factor` times as large as a kind of rig has it at most. Rigs with even
     /// seeds have the other sign.
-    pub fn with_effect(effect: &Effect, kind: RigPreset, factor: Option<f64>, seed: u64) -> Self {
+    pub fn with_effect((name, keys): &Effect, kind: RigPreset, factor: Option<f64>, seed: u64) -> Self {
         let sign = if seed.is_multiple_of(2) { -1.0 } else { 1.0 };
         let size = sign * factor.unwrap_or(1.0);
-        let changes = effect.keys.iter().filter_map(|key| kind.extreme(*key, size)).collect();
+        let changes = keys.iter().filter_map(|key| kind.extreme(*key, size)).collect();
         // What is turned up beyond its size is held against the hard rigs' floors.
         let kind = if factor.is_some() { RigPreset::Hard } else { kind };
-        Self { kind, seed, effect: Some(effect.name.to_owned()), factor, changes }
+        Self { kind, seed, effect: Some((*name).to_owned()), factor, changes }
     }
 
     /// The rig as switched on under a load (N).
@@ -202,7 +182,7 @@ mod tests {
     #[test]
     fn every_key_of_a_preset_belongs_to_one_effect() {
         for change in RigPreset::Hard.changes(1) {
-            let effects = EFFECTS.iter().filter(|effect| effect.keys.contains(&change.key));
+            let effects = EFFECTS.iter().filter(|(_, keys)| keys.contains(&change.key));
             assert_eq!(effects.count(), 1, "{}", change.key);
         }
     }
@@ -212,7 +192,7 @@ mod tests {
         for effect in &EFFECTS {
             let [up, down] = [1, 2].map(|seed| Subject::with_effect(effect, RigPreset::Nominal, Some(2.0), seed));
             let keys: Vec<PlantKey> = up.changes.iter().map(|change| change.key).collect();
-            assert_eq!(keys, effect.keys, "{}", effect.name);
+            assert_eq!(keys, effect.1, "{}", effect.0);
             assert_eq!((up.kind, down.factor), (RigPreset::Hard, Some(2.0)));
         }
         let current = |seed| Subject::with_effect(&EFFECTS[0], RigPreset::Nominal, None, seed).changes[0].value;

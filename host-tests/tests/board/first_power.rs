@@ -2,7 +2,7 @@
 //! that no longer reads, clocks that are missing.
 
 use super::{STORE, fault, identity, set, standing, stands};
-use host_tests::board::Bench;
+use host_tests::board::{Bench, firmware};
 use rig_emulator::machine::{Config, ResetCause};
 use rig_emulator::soc::can::Line;
 use rig_link::messages::{Clock, EventKind, Fault, Kept, Refusal, Request, Setting, State};
@@ -126,7 +126,13 @@ fn the_watchdog_runs_before_anything_that_can_hang() {
 /// its fastest.
 #[test]
 fn the_watchdog_waits_for_the_slowest_flash() {
-    let mut b = Bench::on(Config { lsi_hz: 47_000.0, slow_flash: true, ..Config::default() }, &[], 4);
+    let mut b = Bench::on(
+        &firmware(),
+        host_tests::scene(),
+        Config { lsi_hz: 47_000.0, slow_flash: true, ..Config::default() },
+        &[],
+        4,
+    );
     let mut flash = b.machine.flash_image();
     flash[STORE].fill(0x5A);
     super::with_flash(&mut b, &flash);

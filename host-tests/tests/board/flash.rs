@@ -228,7 +228,7 @@ fn a_power_cut_leaves_the_old_values_or_the_new_ones() {
 /// does not bite, and the board's clock loses no wrap of its counter although an erase masks interrupts.
 #[test]
 fn sectors_that_are_full_are_erased_while_it_holds() {
-    let mut b = Bench::on(Config { slow_flash: true, ..Config::default() }, &[], 6);
+    let mut b = Bench::on(&firmware(), scene(), Config { slow_flash: true, ..Config::default() }, &[], 6);
     stands(&mut b);
     // Each record holds the points of a calibration, so that fewer fill a sector.
     let points: Vec<[f32; 2]> = (0..11u8).map(|k| [0.08 + 2e-3 * f32::from(k), 0.0]).collect();

@@ -39,12 +39,12 @@ fn at_rest() -> Scene {
 }
 
 fn keys(name: &str) -> &'static [PlantKey] {
-    EFFECTS.iter().find(|effect| effect.name == name).expect("an effect of the study").keys
+    EFFECTS.iter().find(|effect| effect.0 == name).expect("an effect of the study").1
 }
 
 /// The rig with one effect alone, homed, and moved to its rest.
 fn rested(effect: &str, kind: RigPreset, seed: u64, firmware: &Firmware) -> ControlBench {
-    let effect = EFFECTS.iter().find(|e| e.name == effect).expect("an effect of the study");
+    let effect = EFFECTS.iter().find(|e| e.0 == effect).expect("an effect of the study");
     let subject = Subject::with_effect(effect, kind, None, seed);
     let mut bench = ControlBench::on(subject.switched_on(LOAD_N).expect("a rig"), firmware.boot());
     bench.home().expect("homes");
