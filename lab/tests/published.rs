@@ -3,6 +3,7 @@
 mod common;
 
 use common::{error_of, lines, root, tool};
+use rigctl::statistics::rms;
 use serde_json::Value;
 use std::path::Path;
 
@@ -34,10 +35,6 @@ fn contraction_errors(scene: &str) -> Vec<f64> {
     assert_eq!(errors.len(), 28);
     errors.sort_by(|a, b| a.abs().total_cmp(&b.abs()));
     errors
-}
-
-fn rms(errors: &[f64]) -> f64 {
-    (errors.iter().map(|e| e * e).sum::<f64>() / errors.len() as f64).sqrt()
 }
 
 /// A folder of its own, removed when the test ends well.

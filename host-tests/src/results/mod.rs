@@ -120,12 +120,8 @@ impl List {
 
     /// The README with its table of specifications written again.
     fn readme(&self, readme: &str, records: &Records) -> Result<String> {
-        let split = |text: &'_ str, at: &str| {
-            let (before, after) = text.split_once(at).with_context(|| format!("README.md has no line {at:?}"))?;
-            Ok::<_, anyhow::Error>((before.to_owned(), after.to_owned()))
-        };
-        let (before, rest) = split(readme, BEGIN)?;
-        let (_, after) = split(&rest, END)?;
+        let parts = readme.split_once(BEGIN).and_then(|(before, rest)| Some((before, rest.split_once(END)?.1)));
+        let (before, after) = parts.with_context(|| format!("README.md has no lines {BEGIN:?} and {END:?}"))?;
         let values: BTreeMap<_, _> = records.iter().map(|(name, record)| (name, &record.measured.values)).collect();
         let values = serde_json::to_value(values)?;
         let row = |[what, template]: &[String; 2]| {

@@ -9,6 +9,7 @@ use lab::budget::{Budget, Fraction, Part, RigErrors};
 use rig_config::{Accuracy, Envelope, Scene};
 use rig_link::messages::{LoadChoice, Request, State};
 use rig_plant::{PlantKey, RigPreset};
+use rigctl::statistics::rms;
 use tsa_model::twist_from_turns;
 
 const LOAD_N: f64 = 4.9;
@@ -57,10 +58,6 @@ fn go(bench: &mut ControlBench, target_m: f32) {
     bench.until(60.0, |bench| bench.control.state() != State::Moving);
     assert_eq!(bench.control.state(), State::Holding);
     bench.run(1.0);
-}
-
-fn rms(errors: &[f64]) -> f64 {
-    (errors.iter().map(|e| e * e).sum::<f64>() / errors.len() as f64).sqrt()
 }
 
 /// Half widths are 1.645 standard errors.

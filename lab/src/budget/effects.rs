@@ -65,15 +65,11 @@ pub(super) struct Effects<'a> {
 }
 
 impl Effects<'_> {
-    fn size(&self, key: PlantKey) -> f64 {
-        self.rig.size(key)
-    }
-
     /// Standard deviation of the LVDT's noise in one tick (m).
     fn noise_m(&self) -> f64 {
-        let hum = self.size(PlantKey::Hum) / SQRT_2 * (PI * MAINS_HZ * BLOCK_S).sin() / (PI * MAINS_HZ * BLOCK_S);
+        let hum = self.rig.size(PlantKey::Hum) / SQRT_2 * (PI * MAINS_HZ * BLOCK_S).sin() / (PI * MAINS_HZ * BLOCK_S);
         let [white, inband] =
-            [PlantSettings::default().lvdt_noise_m / SAMPLES.sqrt(), self.size(PlantKey::LvdtNoiseInband)];
+            [PlantSettings::default().lvdt_noise_m / SAMPLES.sqrt(), self.rig.size(PlantKey::LvdtNoiseInband)];
         (white * white + inband * inband + hum * hum).sqrt()
     }
 
@@ -81,9 +77,9 @@ impl Effects<'_> {
     pub fn gaps(&self) -> Vec<Effect> {
         let mut all = self.sensor();
         all.extend(self.memory());
-        let shift = self.size(PlantKey::TwistExponentShift);
+        let shift = self.rig.size(PlantKey::TwistExponentShift);
         all.push(Effect::homed(Part::Law, self.column.each(|s| s.by_arc * s.arc_by_exponent * shift)));
-        let temperature = ROD_STRESS_PER_K * self.size(PlantKey::Temperature);
+        let temperature = ROD_STRESS_PER_K * self.rig.size(PlantKey::Temperature);
         all.push(Effect::homed(Part::Law, self.column.each(|s| s.by_stress * temperature * rod_onset(s.strain)[0])));
         all
     }
@@ -94,7 +90,7 @@ impl Effects<'_> {
             ..Effect::homed(Part::Sensor, self.column.each(|s| of(s.gap_m)))
         };
         let rig = &self.scene.rig;
-        let gain = LVDT_GAIN_PER_K * self.size(PlantKey::Temperature);
+        let gain = LVDT_GAIN_PER_K * self.rig.size(PlantKey::Temperature);
         let mut all = vec![misread(&|gap_m| gain * (gap_m - rig.lvdt_gap_at_zero_m))];
         if let Some(gauge_m) = self.rig.gauge_m {
             // Straight between the points, each wrong by itself.
@@ -107,12 +103,12 @@ impl Effects<'_> {
             return all;
         }
         // A sine of any phase is a sine and a cosine, each of 1/√2 of its size.
-        let size_m = self.size(PlantKey::LvdtNonlinearity) * rig.lvdt_stroke_m / SQRT_2;
+        let size_m = self.rig.size(PlantKey::LvdtNonlinearity) * rig.lvdt_stroke_m / SQRT_2;
         let phase = |gap_m: f64| TAU * (gap_m - rig.lvdt_gap_at_zero_m) / rig.lvdt_stroke_m;
         all.push(misread(&|gap_m| size_m * phase(gap_m).sin()));
         all.push(misread(&|gap_m| size_m * phase(gap_m).cos()));
         // That of the converter goes once up and down over its range.
-        let inl_m = self.size(PlantKey::AdcInl) * rig.lvdt_metres_per_code();
+        let inl_m = self.rig.size(PlantKey::AdcInl) * rig.lvdt_metres_per_code();
         let fraction = |gap_m: f64| (gap_m - rig.lvdt_gap_at_code_zero_m()) / (4095.0 * rig.lvdt_metres_per_code());
         all.push(misread(&|gap_m| inl_m * (TAU * fraction(gap_m)).sin()));
         all
@@ -122,7 +118,7 @@ impl Effects<'_> {
         let column = self.column;
         let none = column.each(|_| 0.0);
         let of = |homed, later| Effect { part: Part::Memory, homed, later, misread: false };
-        let width_pa = self.size(PlantKey::RodHysteresis);
+        let width_pa = self.rig.size(PlantKey::RodHysteresis);
         let at_first = column.each(|s| s.by_stress * width_pa * rod_memory(s.strain, s.strain));
         let pairs = column.0.iter().zip(&self.heaviest.0);
         let since = pairs.map(|(s, max)| {
@@ -130,7 +126,7 @@ impl Effects<'_> {
             s.by_stress * width_pa * change
         });
         let rods = of(at_first, since.collect());
-        let compliance = self.size(PlantKey::StringCreep) * 0.5 / self.scene.string.stiffness_n_per_m;
+        let compliance = self.rig.size(PlantKey::StringCreep) * 0.5 / self.scene.string.stiffness_n_per_m;
         let stretch_m = |s: &State, time_s: f64| compliance * s.load_n * crept(time_s);
         let creep = of(
             column.each(|s| stretch_m(s, HOMED_S)),
@@ -140,10 +136,10 @@ impl Effects<'_> {
         let turned_rad =
             (column.0[last].twist_rad - column.0[0].twist_rad) / column.travel_m() * SPEED_M_PER_S * SESSION_S;
         let lost =
-            self.size(PlantKey::StringBedding) * -(-turned_rad / (TURNS_PER_CYCLE * TAU * RUN_IN_CYCLES)).exp_m1();
+            self.rig.size(PlantKey::StringBedding) * -(-turned_rad / (TURNS_PER_CYCLE * TAU * RUN_IN_CYCLES)).exp_m1();
         let bedding = of(none.clone(), column.each(|s| -lost * s.by_arc * s.arc_m));
         // Half the play on either way, of which homing takes for friction what is the same at every twist.
-        let half_rad = 0.5 * self.size(PlantKey::TwistPlay);
+        let half_rad = 0.5 * self.rig.size(PlantKey::TwistPlay);
         let pulls = column.each(|s| half_rad * s.by_twist / s.by_load);
         let friction_n = pulls.iter().sum::<f64>() / pulls.len() as f64;
         let play = of(none, column.each(|s| half_rad * s.by_twist - friction_n * s.by_load));
@@ -173,11 +169,11 @@ impl Effects<'_> {
     /// more slowly than while homing.
     fn friction(&self) -> Direct {
         let coulomb_n = |s: &State| {
-            let fraction = self.size(PlantKey::FrictionLoadShare);
-            self.size(PlantKey::Friction) + fraction * s.load_n
+            let fraction = self.rig.size(PlantKey::FrictionLoadShare);
+            self.rig.size(PlantKey::Friction) + fraction * s.load_n
         };
-        let more = self.size(PlantKey::StictionRatio);
-        let vs = self.size(PlantKey::StribeckSpeed);
+        let more = self.rig.size(PlantKey::StictionRatio);
+        let vs = self.rig.size(PlantKey::StribeckSpeed);
         let falls = |v: f64| if vs > 0.0 { (-(v / vs).powi(2)).exp() } else { 0.0 };
         let homing_rad_per_s = f64::from(0.5 * (LOAD_SPEED[0] + LOAD_SPEED[1]));
         Direct {

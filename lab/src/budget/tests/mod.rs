@@ -12,6 +12,10 @@ fn of<'a>(scene: &'a Scene, keys: &[(PlantKey, f64)]) -> Budget<'a> {
     Budget::new(scene, &RigErrors { sizes: &size, gauge_m: None }).unwrap()
 }
 
+fn kind_of(scene: &Scene, kind: RigPreset) -> Budget<'_> {
+    Budget::new(scene, &RigErrors { sizes: &|key| kind.rms(key), gauge_m: None }).unwrap()
+}
+
 fn near(found: f64, wanted: f64, fraction: f64, what: &str) {
     assert!((found / wanted - 1.0).abs() < fraction, "{what}: {found}, not {wanted}");
 }
@@ -99,8 +103,7 @@ fn a_tier_is_the_difference_of_its_gap() {
 #[test]
 fn a_table_that_is_worth_having_adds_little() {
     let scene = scene();
-    let mut budget =
-        Budget::new(&scene, &RigErrors { sizes: &|key| RigPreset::Nominal.rms(key), gauge_m: None }).unwrap();
+    let mut budget = kind_of(&scene, RigPreset::Nominal);
     let without = budget.total();
     let worth = budget.worth();
     let rough = Scene { accuracy: Some(worth), ..scene.clone() };
@@ -129,7 +132,7 @@ fn a_wrong_ratio_makes_a_move_lag() {
 fn worse_rigs_are_worth_no_better_tables() {
     let scene = scene();
     let worth = RigPreset::ALL.map(|kind| {
-        let budget = Budget::new(&scene, &RigErrors { sizes: &|key| kind.rms(key), gauge_m: None }).unwrap();
+        let budget = kind_of(&scene, kind);
         (budget.worth(), budget.total())
     });
     for [(better, small), (worse, large)] in [[worth[0], worth[1]], [worth[1], worth[2]]] {
@@ -183,8 +186,7 @@ fn a_small_envelope_has_a_budget() {
     let mut scene = scene();
     for (load_n, turns) in [([5.0, 5.01], [0.0, 0.5]), ([0.5, 18.0], [0.0, 0.1]), ([2.0, 3.0], [6.9, 7.0])] {
         scene.envelope = Some(rig_config::Envelope { load_n, turns });
-        let mut budget =
-            Budget::new(&scene, &RigErrors { sizes: &|key| RigPreset::Hard.rms(key), gauge_m: None }).unwrap();
+        let mut budget = kind_of(&scene, RigPreset::Hard);
         budget.choose_tier();
         let (total, worth) = (budget.total(), budget.worth());
         for number in [total.position_m, total.load, worth.contraction_m, worth.tr_relative] {
