@@ -166,6 +166,8 @@ pub enum Quantity {
     AngularSpeed,
     /// s
     Time,
+    /// Hz
+    Frequency,
     /// V
     Voltage,
     /// A
@@ -203,6 +205,7 @@ impl Quantity {
             Self::Angle => ("angle", &[RAD, Unit("mrad", 1e-3), Unit("deg", PI / 180.0)]),
             Self::AngularSpeed => ("angular speed", &[RAD_PER_S, Unit("deg/s", PI / 180.0), RPM]),
             Self::Time => ("time", &[S, MS]),
+            Self::Frequency => ("frequency", &[HZ]),
             Self::Voltage => ("voltage", &[V, Unit("mV", 1e-3)]),
             Self::Current => ("current", &[A, MA]),
             Self::Damping => ("damping", &[Unit("Ns/m", 1.0), Unit("N*s/m", 1.0)]),

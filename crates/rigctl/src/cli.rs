@@ -1,8 +1,8 @@
 //! The command line: every command, which carries its own arguments and help, and the function that runs it.
 
 use crate::commands::{
-    calibrate, config, demo, doctor, export, identify, lookup, monitor, motion, play, replay, selftest, serve, solve,
-    status, sweep, table,
+    calibrate, config, demo, doctor, export, identify, lookup, monitor, motion, play, replay, response, selftest,
+    serve, solve, status, sweep, table,
 };
 use crate::failure::Failure;
 use crate::laboratory;
@@ -55,6 +55,7 @@ pub enum Command {
     Move(motion::Move),
     Track(motion::Track),
     Jog(motion::Jog),
+    Response(response::Response),
     /// Ramp down and hold
     Stop,
     /// The same as stop
@@ -173,6 +174,7 @@ pub fn run(Cli { global, command }: &Cli, output: &mut Output) -> Result<(), Fai
         Command::Move(options) => options.run(global, output),
         Command::Track(options) => options.run(global, output),
         Command::Jog(options) => options.run(global, output),
+        Command::Response(options) => options.run(global, output),
         Command::Stop | Command::Hold => motion::request(global, &Request::Stop, output),
         Command::Clear => motion::request(global, &Request::Clear, output),
         Command::Config { what } => config::run(global, what, output),

@@ -11,7 +11,7 @@ pub const GROUPS: [Group; 7] = [
     ("Begin", &["demo", "doctor", "monitor"]),
     ("Move", &["home", "move", "track", "jog", "stop", "hold", "clear"]),
     ("Read", &["status", "sensors"]),
-    ("Set up and calibrate", &["config", "calibrate", "sweep", "identify", "table", "selftest"]),
+    ("Set up and calibrate", &["config", "calibrate", "sweep", "response", "identify", "table", "selftest"]),
     ("Scripts and logs", &["play", "sim", "record", "replay", "export"]),
     ("Model", &["solve", "lookup", "published"]),
     ("Other programs", &["serve", "completions"]),

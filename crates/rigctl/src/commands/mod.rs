@@ -18,6 +18,7 @@ pub mod monitor;
 pub mod motion;
 pub mod play;
 pub mod replay;
+pub mod response;
 pub mod selftest;
 pub mod serve;
 pub mod solve;

@@ -10,7 +10,7 @@ use crate::request::load_choice;
 use crate::session::row::load_text;
 use crate::session::{Session, Target, Wanted, homing, motion, stream};
 use crate::trajectory::Trajectory;
-use crate::units::{MM, PERCENT, Quantity, RAD_PER_MM, S, TURNS, UM};
+use crate::units::{MM, Quantity, RAD_PER_MM, S, TURNS, UM};
 use clap::Args;
 use rig_control::move_check::MoveRequest;
 use rig_link::{LoadChoice, Request};
@@ -156,7 +156,6 @@ impl Track {
         possible(session.newest_row()?.and_then(|row| row.load_n))?;
         let r = stream::track(&mut session, &trajectory, |_| {})?;
         output.object(&r)?;
-        let limit = || format!("motor-speed on {} of the way", PERCENT.show(r.held_back_share));
         let lines = [
             ("trajectory", S.show(r.duration_s)),
             (
@@ -164,7 +163,7 @@ impl Track {
                 format!("{} rms, {} at most (measured)", UM.show(r.following_rms_m), UM.show(r.following_most_m)),
             ),
             ("true error", r.true_following_rms_m.map_or(String::new(), |m| UM.show(m) + " rms (emulated)")),
-            ("limit", (r.held_back_share > 0.0).then(limit).unwrap_or_default()),
+            ("limit", r.limit_text()),
             ("at rest", UM.show(r.error_m) + " from its end"),
         ];
         Ok(output.named(lines)?)

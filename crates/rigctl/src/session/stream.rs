@@ -7,6 +7,7 @@ use crate::failure::Failure;
 use crate::output::progress;
 use crate::statistics::Errors;
 use crate::trajectory::{HOLDS_FOR_S, Trajectory};
+use crate::units::PERCENT;
 use rig_link::{Limit, LoadChoice, Request, State};
 use serde::Serialize;
 
@@ -32,6 +33,14 @@ pub struct StreamResult {
     pub held_back_share: f64,
     /// Measured position at rest less the end of the trajectory (m).
     pub error_m: f64,
+}
+
+impl StreamResult {
+    /// On how much of the way the motor's speed held the load back; empty if it did not.
+    pub fn limit_text(&self) -> String {
+        let share = Some(self.held_back_share).filter(|share| *share > 0.0);
+        share.map_or(String::new(), |share| format!("motor-speed on {} of the way", PERCENT.show(share)))
+    }
 }
 
 /// Brings the load to where a trajectory begins, then leads it along; `each` gets every row of telemetry. It ends at rest.

@@ -339,3 +339,35 @@ fn the_demo_stays_within_what_it_states() {
         assert!((load_n - true_n).abs() <= 2.0 * stated_n && stated_n < 0.4 * true_n, "{run}");
     }
 }
+
+#[test]
+fn the_frequency_response_of_an_ideal_rig_is_that_of_a_loop_that_follows() {
+    let out = file("response.csv");
+    let path = out.to_str().expect("a path");
+    let asked = ["response", "--from", "1Hz", "--to", "3Hz", "--periods", "2", "--amplitude", "0.2mm", "--out", path];
+    let output = rigctl(&[&asked[..], &["--json", "--rig", "ideal", "--plant", "load=0.5kg,friction=0"]].concat());
+    assert!(output.status.success(), "{}", error_of(&output));
+    let measured = lines(&output).pop().expect("a result");
+    let text = std::fs::read_to_string(&out).expect("a file");
+    let rows: Vec<Vec<f64>> = text
+        .lines()
+        .skip(1)
+        .map(|line| line.split(',').map(|cell| cell.parse().expect("a number")).collect())
+        .collect();
+    assert_eq!(text.lines().next().map(|head| head.split(',').count()), Some(9));
+    assert_eq!(measured["lines"].as_array().map(Vec::len), Some(rows.len()));
+    for row in rows {
+        let [frequency_hz, gain, _, phase_deg, coherence, by_twist, ..] = row[..] else { panic!("{row:?}") };
+        // The set-point is fed forward, and the mechanism is its transmission ratio below its resonance.
+        assert!((0.95..1.25).contains(&gain) && coherence > 0.99, "{frequency_hz} Hz: {gain}, {coherence}");
+        assert!((-10.0..5.0).contains(&phase_deg) && (4e-4..7e-4).contains(&by_twist), "{phase_deg}, {by_twist}");
+    }
+    for wrong in [["--from", "3Hz"], ["--to", "9Hz"], ["--amplitude", "50mm"]] {
+        let refused = rigctl(&[&["response", "--out", path, "--to", "2Hz"][..], &wrong].concat());
+        assert!(
+            !refused.status.success() && error_of(&refused).contains(wrong[0]),
+            "{wrong:?}: {}",
+            error_of(&refused)
+        );
+    }
+}
