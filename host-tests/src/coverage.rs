@@ -3,6 +3,7 @@
 use crate::rigs::commission::{Firmware, commission};
 use crate::rigs::subject::Subject;
 use crate::study::{Rigs, Sorted, Study, each, shown};
+use rig_link::messages::Doubt;
 use rig_plant::RigPreset;
 use rig_plant::trial::{Moment, Stated, Trial};
 use rig_plant::units::STANDARD_GRAVITY;
@@ -62,6 +63,45 @@ impl Cover {
     }
 }
 
+/// Whether a load that is wrong is warned of. It is wrong if it is off by more than a fraction of itself, the one from which on
+/// the board calls a load unknown by its stated error.
+#[derive(Clone, Debug, Default)]
+struct Warnings {
+    /// Of the right loads and of the wrong ones: stated errors as fractions of the load, and how many were called unknown.
+    stated: [Vec<f64>; 2],
+    warned: [u64; 2],
+}
+
+impl Warnings {
+    const WRONG: f64 = 0.3;
+
+    fn add(&mut self, stated: &Stated) {
+        let Some((load_n, error_n)) = stated.load_n.zip(stated.load_error_n) else { return };
+        let wrong = usize::from((f64::from(load_n) / stated.true_load_n - 1.0).abs() > Self::WRONG);
+        self.stated[wrong].push(f64::from(error_n / load_n));
+        self.warned[wrong] += u64::from(stated.doubts.split(' ').any(|doubt| doubt == Doubt::LoadUnknown.name()));
+    }
+
+    /// Area under the curve of true over false warnings for every threshold of the stated error: how often a wrong load has a
+    /// larger one than a right load.
+    fn area(&self) -> f64 {
+        let [right, wrong] = &self.stated;
+        let mut sorted = right.clone();
+        sorted.sort_by(f64::total_cmp);
+        let below = |x: &f64| {
+            let [low, high] = [sorted.partition_point(|y| y < x), sorted.partition_point(|y| y <= x)];
+            0.5 * (low + high) as f64
+        };
+        wrong.iter().map(below).sum::<f64>() / (right.len() * wrong.len()) as f64
+    }
+
+    fn text(&self) -> String {
+        let of = |k: usize| format!("{} of {}", self.warned[k], self.stated[k].len());
+        let area = Some(self.area()).filter(|area| area.is_finite());
+        format!("{} wrong and {} right loads, area {}", of(1), of(0), shown(area, 3))
+    }
+}
+
 /// Load, as a fraction of it, and position (m).
 type Covers = [Cover; 2];
 
@@ -101,11 +141,13 @@ pub fn study(rigs: &Rigs) -> Study {
 fn table(all: &[Tried]) -> Study {
     let mut covers: BTreeMap<(u8, bool, bool, usize), Covers> = BTreeMap::new();
     let mut reasons: BTreeMap<String, usize> = BTreeMap::new();
+    let mut warnings: BTreeMap<(u8, bool), Warnings> = BTreeMap::new();
     for Tried { calibrated, trial, stated, why } in all {
         for s in stated {
             let changed = matches!(s.moment, Moment::Changed | Moment::Moved);
             let key = (trial.kind as u8, *calibrated, changed, class(s.true_load_n));
             let [load, position] = covers.entry(key).or_default();
+            warnings.entry((trial.kind as u8, *calibrated)).or_default().add(s);
             let relative = s.load_n.map(|load_n| f64::from(load_n) / s.true_load_n - 1.0);
             load.add(s.holds_load(), s.load_error_n.map(|error_n| error_n / s.true_load_n as f32), relative);
             let error_m = s.position_m.map(|position_m| f64::from(position_m) - s.true_position_m);
@@ -119,9 +161,9 @@ fn table(all: &[Tried]) -> Study {
     }
     let head = ["rig", "load", "looked at", "load held by its error", "stated; true, % of the load"];
     let mut study = Study::new(head.into_iter().chain(["position held by its error", "stated; true, µm"]));
+    let state = |calibrated: &bool| if *calibrated { "calibrated" } else { "as built" };
     for ((kind, calibrated, changed, class), [load, position]) in &covers {
-        let kind = RigPreset::ALL[usize::from(*kind)];
-        let state = if *calibrated { "calibrated" } else { "as built" };
+        let (kind, state) = (RigPreset::ALL[usize::from(*kind)], state(calibrated));
         let (load_class, when) = (CLASSES[*class].0, if *changed { "another load" } else { "homed load" });
         let name = format!("{kind}_{}_{}_{load_class}", state.replace(' ', "_"), when.replace(' ', "_"));
         study.value(format!("{name}_load"), Some(load.fraction()).filter(|x| x.is_finite()));
@@ -139,6 +181,10 @@ fn table(all: &[Tried]) -> Study {
     let of = |calibrated: bool| all.iter().filter(|tried| tried.calibrated == calibrated).count();
     study.value("rigs_as_built", of(false) as f64);
     study.value("rigs_calibrated", of(true) as f64);
+    let warned = warnings.iter().map(|((kind, calibrated), warnings)| {
+        format!("{}, {}: {}", RigPreset::ALL[usize::from(*kind)], state(calibrated), warnings.text())
+    });
+    let warned: Vec<String> = warned.collect();
     let reasons: Vec<String> = reasons.iter().map(|(why, count)| format!("{count} at \"{why}\"")).collect();
     study.notes = vec![
         "How often the stated 90 % error holds the truth, with the 90 % interval of that fraction; median of the stated \
@@ -146,6 +192,12 @@ fn table(all: &[Tried]) -> Study {
          after a move; \"another load\" is 5 s after it was hung on, and after two moves. Half of the rigs have worked under \
          another load before."
             .into(),
+        format!(
+            "The doubt `load-unknown` was shown for so many of the loads that were off by more than {:.0} %, and of the others; \
+             the area under the ROC curve is that of the stated error as a warning of them. {}.",
+            100.0 * Warnings::WRONG,
+            warned.join("; ")
+        ),
         format!(
             "{} rigs as built and {} calibrated. Trials that ended early: {}.",
             of(false),
@@ -159,6 +211,19 @@ fn table(all: &[Tried]) -> Study {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn stated(moment: Moment, true_load_n: f64, load_n: f32, error_n: f32, doubts: &str) -> Stated {
+        Stated {
+            moment,
+            true_load_n,
+            load_n: Some(load_n),
+            load_error_n: Some(error_n),
+            doubts: doubts.into(),
+            true_position_m: 0.0,
+            position_m: Some(1e-4),
+            position_error_m: Some(5e-5),
+        }
+    }
 
     #[test]
     fn a_fraction_has_the_interval_of_its_count() {
@@ -174,21 +239,11 @@ mod tests {
 
     #[test]
     fn rows_are_by_rig_load_and_moment_and_what_ended_early_is_counted() {
-        let stated = |moment, true_load_n: f64, load_n: f32| Stated {
-            moment,
-            true_load_n,
-            load_n: Some(load_n),
-            load_error_n: Some(0.5),
-            doubts: String::new(),
-            true_position_m: 0.0,
-            position_m: Some(1e-4),
-            position_error_m: Some(5e-5),
-        };
         let trial = Trial::new(RigPreset::Hard, 1);
         let all = [Tried {
             calibrated: false,
             trial,
-            stated: vec![stated(Moment::Homed, 5.0, 5.4), stated(Moment::Changed, 12.0, 13.0)],
+            stated: vec![stated(Moment::Homed, 5.0, 5.4, 0.5, ""), stated(Moment::Changed, 12.0, 13.0, 0.5, "")],
             why: "move to 4.0 mm: refused".into(),
         }];
         let study = table(&all);
@@ -196,6 +251,25 @@ mod tests {
         assert_eq!(study.values["hard_as_built_homed_load_middle_load"], 1.0);
         assert_eq!(study.values["hard_as_built_another_load_heavy_load"], 0.0);
         assert_eq!(study.values["hard_as_built_another_load_heavy_position"], 0.0);
-        assert!(study.notes[1].contains("1 at \"move to\""), "{}", study.notes[1]);
+        assert!(
+            study.notes[1].ends_with("hard, as built: 0 of 0 wrong and 0 of 2 right loads, area -."),
+            "{}",
+            study.notes[1]
+        );
+        assert!(study.notes[2].contains("1 at \"move to\""), "{}", study.notes[2]);
+    }
+
+    #[test]
+    fn wrong_loads_that_are_warned_of_are_counted_and_the_area_is_the_share_of_pairs_in_order() {
+        let mut warnings = Warnings::default();
+        for (load_n, error_n, doubts) in [
+            (5.0, 0.5, ""),
+            (5.2, 1.0, "load-range load-unknown"),
+            (8.0, 3.2, "load-unknown"),
+            (3.0, 0.3, "load-range"),
+        ] {
+            warnings.add(&stated(Moment::Homed, 5.0, load_n, error_n, doubts));
+        }
+        assert_eq!(warnings.text(), "1 of 2 wrong and 1 of 2 right loads, area 0.625");
     }
 }
