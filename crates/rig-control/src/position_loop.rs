@@ -43,7 +43,7 @@ const STUCK_PER_S: f32 = 5.0;
 const MIN_JAMMED_N: f32 = 0.5;
 const JAMMED_FRACTION: f32 = 0.3;
 const JAMMED_FRICTIONS: f32 = 2.0;
-const FORGOTTEN_S: f32 = 1.0;
+const FORGOTTEN_S: f32 = 3.0;
 
 /// Fraction of the gains that damp the oscillation of a load at a frequency (rad/s): the faster the oscillation, the more of its phase the unknown
 /// part of the delay takes.
