@@ -34,9 +34,9 @@ def test_it_homes_and_moves_as_the_emulated_board_does() -> None:
         assert homed["duration_s"][k] == pytest.approx(of_board["duration_s"], abs=0.1)
         assert moved["position_m"][k] == pytest.approx(moved_board["position_m"], abs=30e-6)
         assert moved["true_error_m"][k] == pytest.approx(moved_board["true_error_m"], abs=30e-6)
-        assert moved.keys() - {"error"} == moved_board.keys() - {"off_target"}
+        assert moved.keys() - {"error"} == moved_board.keys() - {"off_target", "load_at_range_end"}
         board = rig.telemetry()
-        missing = {"homing_failure", "string_tension_n"}
+        missing = {"homing_failure", "string_tension_n", "load_at_range_end"}
         assert set(board) - missing <= set(bench.telemetry())
 
 

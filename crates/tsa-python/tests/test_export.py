@@ -13,7 +13,7 @@ from tsa_rig import read_log
 ROOT = Path(__file__).resolve().parents[3]
 # Where `cargo xtask python` has built the tool.
 TOOL = Path(os.environ.get("TSA_PROGRAMS", ROOT / "target" / "release")) / "rigctl"
-WORDS = {"state", "fault", "faults", "limit", "doubts", "homing_failure"}
+WORDS = {"state", "fault", "faults", "limit", "doubts", "load_at_range_end", "homing_failure"}
 
 
 def rigctl(*arguments: str | Path) -> None:

@@ -145,8 +145,8 @@ class Bench(_Rigs):
     def step(self, ticks: int = 1) -> Trace:
         """Lets ticks of 10 ms pass on all rigs: telemetry and truth as arrays of shape (rigs, ticks).
 
-        Keys of the telemetry are those of `Rig.telemetry` without `homing_failure` and `string_tension_n`, and
-        `gap_m`, `encoder_rad`, `supply_v` as the sensors read them.
+        Keys of the telemetry are those of `Rig.telemetry` without `homing_failure`, `load_at_range_end` and
+        `string_tension_n`.
         """
         return _unpacked(self._core.ticks(_count(ticks)))
 
