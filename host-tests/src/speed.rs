@@ -38,8 +38,12 @@ pub fn study(rigs: &Rigs) -> Result<Study> {
         let steps: Vec<Outcome> = subjects.iter().flat_map(|subject| load_changes::all(subject, rigs.jobs)).collect();
         let ways: Vec<Outcome> = subjects.iter().flat_map(|subject| full_speed::all(subject, rigs.jobs)).collect();
         let on_the_way = each(rigs.jobs, &subjects, full_speed::under_steps).concat();
+        let tests = [("load step", &steps), ("full speed", &ways), ("load step at full speed", &on_the_way)];
+        for (test, outcomes) in tests {
+            let failed = outcomes.iter().filter_map(|o| Some(format!("{}: {}", o.what, o.failure.as_ref()?)));
+            study.notes.extend(failed.map(|failed| format!("Failed: {test} on a {rig} plant, {failed}.")));
+        }
         for within_m in within {
-            let tests = [("load step", &steps), ("full speed", &ways), ("load step at full speed", &on_the_way)];
             for (test, outcomes) in tests {
                 row(&mut study, (test, rig, subjects.len()), *within_m, outcomes);
             }
