@@ -5,8 +5,8 @@
 //! - a pull outside the band means another load, and the estimate follows at once;
 //! - a pull inside it says something of the load only as far as the load has travelled, and at rest nothing.
 //!
-//! While the load accelerates, the pull that counts is the weight that it seems to have by its motion
-//! ([`crate::load_motion`]).
+//! S is taken from the observed motion ([`crate::load_motion`]): it is the weight that the load seems to have, which does not
+//! change when the load accelerates.
 //!
 //! The estimate carries its error: half the width of the interval that holds the load nine times in ten. It adds up what
 //! homing left open of the string's radius and of the gap's zero, the noise that homing measured, the friction band, what

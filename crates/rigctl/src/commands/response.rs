@@ -12,6 +12,7 @@ use crate::session::{Wanted, stream};
 use crate::trajectory::{EVERY_S, Trajectory};
 use crate::units::{HZ, Quantity};
 use clap::Args;
+use rig_control::homing::NINETY_PERCENT;
 use rig_link::{LoadChoice, State};
 use serde::Serialize;
 use std::f64::consts::{PI, TAU};
@@ -23,8 +24,6 @@ const LOWEST_PERIODS: f64 = 4.0;
 const LINES: u32 = 16;
 /// Frequencies (Hz): the lowest takes half an hour, the highest has ten set-points in a period, of 50 a second.
 const RANGE_HZ: [f64; 2] = [0.01, 5.0];
-/// Half the width of the interval that holds the truth in 90 of 100 cases, over the standard error.
-const NINETY_PERCENT: f64 = 1.645;
 
 /// Measure the frequency response of loop and mechanism
 ///
@@ -255,7 +254,7 @@ fn transfer(periods: impl Iterator<Item = [[f64; 2]; 2]>) -> Transfer {
     let variance = ((1.0 - coherence) / (2.0 * count * coherence)).max(0.0);
     Transfer {
         gain,
-        gain_error: NINETY_PERCENT * gain * variance.sqrt(),
+        gain_error: f64::from(NINETY_PERCENT) * gain * variance.sqrt(),
         phase_deg: im.atan2(re).to_degrees(),
         coherence,
     }
