@@ -8,10 +8,10 @@
 //!
 //! What friction holds back is not left to the error either, see [`crate::friction_compensation`].
 
-use crate::TICK_S;
 use crate::friction_compensation::FrictionCompensation;
 use crate::load_motion::AHEAD_S;
 use crate::load_state::LoadState;
+use crate::observer::TRAVEL_M;
 use crate::planner::SetPoint;
 use crate::rest::{Rest, Standing};
 
@@ -36,14 +36,13 @@ pub const BANDWIDTH_PER_S: f32 = POLES[0] * FULL_PER_S;
 /// its target.
 const STUCK_PER_S: f32 = 5.0;
 
-/// A load that does not move while the pull of its strings changes by so much is jammed: the sum of a least change (N), since a small
-/// friction is not known well, of a fraction of the load, and of a multiple of the friction. Turned further, the strings would let
-/// it spring when it comes loose, or fall slack. The load estimate goes along with the pull; so the change counts from the estimate
-/// when the load last moved, which is forgotten within so many seconds, because that may have been wrong.
+/// A load off its set-point that does not travel while the pull of its strings changes by so much is jammed: the sum of a least
+/// change (N), since a small friction is not known well, of a fraction of the load, and of a multiple of the friction. Turned
+/// further, the strings would let it spring when it comes loose, or fall slack. The load estimate goes along with the pull; so the
+/// change counts from what the load seemed to weigh when it last travelled or was at its set-point.
 const MIN_JAMMED_N: f32 = 0.5;
 const JAMMED_FRACTION: f32 = 0.3;
 const JAMMED_FRICTIONS: f32 = 2.0;
-const FORGOTTEN_S: f32 = 3.0;
 
 /// Fraction of the gains that damp the oscillation of a load at a frequency (rad/s): the faster the oscillation, the more of its phase the unknown
 /// part of the delay takes.
@@ -112,16 +111,19 @@ impl PositionLoop {
         let compensation_rad_per_s = self.compensation.step(set_point, setting_out, stuck_m, load);
         let speed_m_per_s = wanted_speed + jerk / frequency_squared + feedback;
         let twist_speed_rad_per_s = hung.tr_rad_per_m() * speed_m_per_s + compensation_rad_per_s;
-        let further = self.jammed(load) * twist_speed_rad_per_s > 0.0;
+        let further = self.jammed(set_point.position_m, load) * twist_speed_rad_per_s > 0.0;
         LoopOutput { twist_speed_rad_per_s: if further { 0.0 } else { twist_speed_rad_per_s }, rest_error_m }
     }
 
     /// By how much the strings pull a jammed load more than its weight (N); 0 for one that is not jammed.
-    fn jammed(&mut self, load: &LoadState<'_>) -> f32 {
+    fn jammed(&mut self, set_point_m: f32, load: &LoadState<'_>) -> f32 {
         let observation = &load.observation;
-        let kept = if observation.moved_m > 0.0 { 0.0 } else { 1.0 - TICK_S / FORGOTTEN_S };
-        let load_n = observation.load_n;
-        let moved_load_n = load_n + kept * (self.moved_load_n.unwrap_or(load_n) - load_n);
+        let weight_n = load.motion.weight_n;
+        // A load at its set-point is where it is wanted: its strings have turned for another weight.
+        let at_set_point = (set_point_m - load.position_m).abs() < TRAVEL_M;
+        let known = if at_set_point { 1.0 } else { (observation.moved_m / TRAVEL_M).min(1.0) };
+        let before_n = self.moved_load_n.unwrap_or(weight_n);
+        let moved_load_n = before_n + known * (weight_n - before_n);
         self.moved_load_n = Some(moved_load_n);
         let beyond_n = observation.pull_n - moved_load_n;
         let max_n = MIN_JAMMED_N + JAMMED_FRACTION * moved_load_n + JAMMED_FRICTIONS * observation.friction_n;

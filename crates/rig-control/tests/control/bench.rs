@@ -87,7 +87,7 @@ pub struct Bench {
     pub sensors: Option<Sensors>,
     pub command: DriveCommand,
     boot_twist_rad: f32,
-    pull_n: f32,
+    pub pull_n: f32,
     measured_gap_m: f32,
     drive: Drive,
     pub speed_rad_per_s: f32,

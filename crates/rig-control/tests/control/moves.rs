@@ -4,7 +4,8 @@ use crate::bench::{Bench, to};
 use crate::fixture::{constants, near, table};
 use rig_control::TICK_S;
 use rig_link::messages::{
-    Accepted, Doubt, Doubts, EventKind, Limit, LoadChoice, Parameter, Refusal, Request, Setting, State, StreamEnd,
+    Accepted, Doubt, Doubts, EventKind, Fault, Limit, LoadChoice, Parameter, Refusal, Request, Setting, State,
+    StreamEnd,
 };
 use std::f32::consts::PI;
 use tsa_table::record::StoredTable;
@@ -456,6 +457,25 @@ fn a_move_whose_load_is_jammed_near_its_target_ends_after_six_seconds_and_tells_
     let Some(EventKind::MoveDone { error_m }) = bench.events.last() else { panic!("{:?}", bench.events) };
     near(*error_m, bench.shown().position_m.unwrap() - 0.006, 1e-6);
     assert!(*error_m < -30e-6, "{error_m}");
+}
+
+#[test]
+fn strings_neither_pull_much_harder_nor_fall_slack_on_a_load_that_jams_under_way() {
+    for (target_m, speed) in [(0.012, 0.2e-3), (0.012, 1e-3), (0.012, 4e-3), (0.0, 1e-3), (0.0, 4e-3)] {
+        let mut bench = Bench::homed();
+        bench.move_to(0.006, 0.004);
+        bench.begin(to(target_m, speed));
+        bench.run(60);
+        bench.friction_n = 100.0;
+        let fault = bench.ticks_until_fault(3000).map(|(_, fault)| fault);
+        let beyond_n = (bench.pull_n - bench.load_n).abs();
+        println!("{target_m} m, {speed} m/s: {fault:?}, {beyond_n} N");
+        // What counts as a jam, and what the strings turn before the load is 0.3 mm behind.
+        assert!(
+            fault == Some(Fault::FollowingError) && beyond_n < 4.5,
+            "{target_m} m, {speed} m/s: {fault:?}, {beyond_n} N"
+        );
+    }
 }
 
 #[test]

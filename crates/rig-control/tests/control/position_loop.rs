@@ -4,6 +4,7 @@ use crate::fixture::hanging;
 use rig_control::TICK_S;
 use rig_control::load_motion::AHEAD_S;
 use rig_control::load_state::LoadState;
+use rig_control::observer::TRAVEL_M;
 use rig_control::planner::SetPoint;
 use rig_control::position_loop::{FULL_PER_S, GAINS, LoopOutput, PositionLoop, damping_fraction};
 use rig_control::ramp::Ramp;
@@ -133,10 +134,18 @@ fn strings_turn_no_further_against_a_jammed_load_but_back() {
     // Slack strings: the other way round.
     jammed.observation.pull_n = 6.0 - 2.4;
     assert_eq!(control.step(&down, false, &jammed).twist_speed_rad_per_s, 0.0);
-    // A load that moves is not jammed.
-    jammed.observation.load_n = 3.6;
+    // A load that travels with that weight is not jammed, one that quivers is.
+    jammed.motion.weight_n = 3.6;
     jammed.observation.moved_m = 1e-5;
+    assert_eq!(control.step(&down, false, &jammed).twist_speed_rad_per_s, 0.0);
+    jammed.observation.moved_m = TRAVEL_M;
     assert!(control.step(&down, false, &jammed).twist_speed_rad_per_s < 0.0);
+    // Neither is one at its set-point.
+    let mut lighter = load();
+    lighter.motion.weight_n = 3.0;
+    lighter.observation.pull_n = 3.0;
+    lighter.position_m = down.position_m;
+    assert!(control.step(&down, false, &lighter).twist_speed_rad_per_s != 0.0);
 }
 
 #[test]
