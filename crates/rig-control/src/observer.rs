@@ -143,6 +143,11 @@ impl LoadObserver {
         self.load_n
     }
 
+    /// Heaviest load since homing (N).
+    pub fn peak_n(&self) -> f32 {
+        self.peak_n
+    }
+
     /// How the load moved when the gap was measured.
     pub fn motion(&self) -> Option<&LoadMotion> {
         self.motion.as_ref()

@@ -10,6 +10,7 @@
 
 use super::sweeps::{Bin, Sweeps};
 use crate::RigConstants;
+use crate::hysteresis::memory_shape;
 use crate::least_squares::Cholesky;
 use crate::mechanism::{Mechanism, TWIST_SCALE};
 use rig_link::gap_curve::{GapCurve, TERMS};
@@ -103,6 +104,8 @@ pub(super) struct LoadEstimate {
     unknowns: Unknowns,
     friction_n: f32,
     given: LoadChoice,
+    /// Heaviest load that the rods remember (N).
+    heaviest_n: f32,
     /// Mean gap of the sweep (m), and the standard error of the LVDT's slope.
     middle_m: f32,
     slope_error: f32,
@@ -112,8 +115,9 @@ pub(super) struct LoadEstimate {
 }
 
 impl LoadEstimate {
-    /// Before the first sweep, expecting a scale of the twist, and the weight that the operator gives.
-    pub(super) const fn new(expected_scale: f32, given: LoadChoice) -> Self {
+    /// Before the first sweep, expecting a scale of the twist, and the weight that the operator gives; with rods that
+    /// remember a load (N).
+    pub(super) const fn new(expected_scale: f32, given: LoadChoice, heaviest_n: f32) -> Self {
         Self {
             sweeps: Sweeps::NEW,
             unknowns: Unknowns { load_n: 0.0, twist_scale: expected_scale, offset_m: 0.0, slope: 0.0, growth: 0.0 },
@@ -121,6 +125,7 @@ impl LoadEstimate {
             slope_error: 0.0,
             friction_n: 0.0,
             given,
+            heaviest_n,
             expected_scale,
             steps: 0,
         }
@@ -286,12 +291,16 @@ impl LoadEstimate {
         ];
         let surprise = surprise.iter().map(|x| x * x).sum::<f32>();
         let inflation = (0.5 * surprise).max(1.0);
-        // The scale takes up an error of the radius, but not an error of how the radius depends on the load.
-        let shape_n = match self.given {
-            LoadChoice::Auto => uncertainty.load_shape * load_n,
+        // The scale takes up an error of the radius, but neither an error of how the radius depends on the load nor what the
+        // rods remember, which lasts.
+        let variance = match self.given {
+            LoadChoice::Auto => {
+                let memory = uncertainty.rod_memory * memory_shape(load_n, self.heaviest_n);
+                uncertainty.load_shape * uncertainty.load_shape + memory * memory
+            }
             LoadChoice::Known(_) => 0.0,
         };
-        let load_sigma_n = libm::sqrtf(inflation * load_n * load_n * covariance[0][0] + shape_n * shape_n);
+        let load_sigma_n = load_n * libm::sqrtf(inflation * covariance[0][0] + variance);
         // Surely outside, whatever the error is.
         let margin_n = super::NINETY_PERCENT * load_sigma_n;
         if wanted_n + margin_n < 0.9 * m.load_min_n || wanted_n - margin_n > 1.1 * m.load_max_n {

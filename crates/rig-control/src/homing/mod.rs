@@ -229,8 +229,8 @@ pub struct Homing {
 
 impl Homing {
     /// Starts from a shaft angle (rad) and a gap (m), expecting a scale of the twist. `load` is what the operator says of
-    /// the load's weight.
-    pub const fn new(shaft_rad: f32, gap_m: f32, twist_scale: f32, load: LoadChoice) -> Self {
+    /// the load's weight, `heaviest_n` the heaviest load that the rods remember (N).
+    pub const fn new(shaft_rad: f32, gap_m: f32, twist_scale: f32, load: LoadChoice, heaviest_n: f32) -> Self {
         Self {
             phase: Phase::Quiet(Quiet::NEW),
             ramp: Ramp::at(shaft_rad),
@@ -238,7 +238,7 @@ impl Homing {
             direction: 1.0,
             ticks: 0,
             centre: Centre::new(0.0, 1.0),
-            load_estimate: LoadEstimate::new(twist_scale, load),
+            load_estimate: LoadEstimate::new(twist_scale, load, heaviest_n),
             stick_slip: StickSlip::NEW,
             zero_rad: 0.0,
             zero_error_rad: 0.0,

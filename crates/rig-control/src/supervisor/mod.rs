@@ -126,6 +126,8 @@ pub struct Controller {
     guard: Guard,
     /// What is known of the load; `None` while the rig is not homed.
     tracking: Option<LoadTracking>,
+    /// Heaviest load since power-up (N), which the rods remember.
+    heaviest_n: f32,
     /// Set-point of the shaft (rad as the own encoder counts) and its speed (rad/s).
     shaft: Ramp,
     /// How the drive drives the motor.
@@ -170,6 +172,7 @@ impl Controller {
             sensing: Sensing::new(),
             guard,
             tracking: None,
+            heaviest_n: 0.0,
             shaft: Ramp::at(0.0),
             drive_loop: DriveLoop::Open,
             // The drive may still follow the last command of the run before.
@@ -209,6 +212,7 @@ impl Controller {
         self.sensing.read(inputs, &self.constants);
         if let Some(tracking) = &mut self.tracking {
             tracking.observe(&self.table.table(), &self.sensing.readings);
+            self.heaviest_n = self.heaviest_n.max(tracking.observer.peak_n());
         }
         self.watch_estop(inputs.estop_open, &mut events);
         let raised = self.watch(inputs, &mut events);

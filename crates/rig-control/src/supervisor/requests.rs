@@ -86,7 +86,7 @@ impl Controller {
             (DriveLoop::Closed, First::Check) => return Ok(Accepted::Done),
             (DriveLoop::Closed, First::Home(load)) => {
                 let twist_scale = self.settings.get(Setting::TwistScale);
-                self.mode = Mode::Homing(Homing::new(readings.shaft_rad, gap_m?, twist_scale, load));
+                self.mode = Mode::Homing(Homing::new(readings.shaft_rad, gap_m?, twist_scale, load, self.heaviest_n));
                 self.tracking = None;
             }
             (DriveLoop::Closed, First::Jog(speed_rad_per_s)) => {

@@ -38,7 +38,7 @@ impl Swept {
 
     /// Both sweeps, as far as a fraction of them is recorded.
     fn recorded(&self, given: LoadChoice, until: f32) -> LoadEstimate {
-        let mut load_estimate = LoadEstimate::new(1.0, given);
+        let mut load_estimate = LoadEstimate::new(1.0, given, 0.0);
         for (pass, direction) in [1.0, -1.0].into_iter().enumerate() {
             for k in 0..READINGS {
                 let fraction = (f32::from(k) + 0.5) / f32::from(READINGS);
@@ -83,7 +83,7 @@ fn the_curve_goes_through_a_cubic_rest_and_carries_the_offset() {
 
 #[test]
 fn readings_go_where_their_share_of_the_sweep_says() {
-    let mut load_estimate = LoadEstimate::new(1.0, LoadChoice::Auto);
+    let mut load_estimate = LoadEstimate::new(1.0, LoadChoice::Auto, 0.0);
     for fraction in [-0.01, 1.01, f32::NAN] {
         load_estimate.record(fraction, 1.0, 1.0);
     }
@@ -100,7 +100,7 @@ fn readings_go_where_their_share_of_the_sweep_says() {
 
 #[test]
 fn both_ways_of_a_bin_count_the_same_however_many_readings_they_have() {
-    let mut load_estimate = LoadEstimate::new(1.0, LoadChoice::Auto);
+    let mut load_estimate = LoadEstimate::new(1.0, LoadChoice::Auto, 0.0);
     (0..3).for_each(|_| load_estimate.record(0.5, 10.0, 0.09));
     load_estimate.sweeps.end_pass();
     load_estimate.record(0.5, 12.0, 0.08);
@@ -292,6 +292,21 @@ fn a_surprise_makes_everything_less_certain() {
     }
     assert!(result(EXPECTED, LoadChoice::Auto, 5.0, 0.99 * MAX_RESIDUAL_M).is_ok());
     assert_eq!(result(EXPECTED, LoadChoice::Auto, 5.0, 1.01 * MAX_RESIDUAL_M), Err(HomingFailure::PoorFit));
+}
+
+#[test]
+fn a_load_on_rods_that_remember_a_heavier_one_is_less_certain_unless_it_is_given() {
+    let memory = table().metadata.uncertainty.rod_memory;
+    for heaviest_n in [0.0f32, 5.0, 7.0, 12.0] {
+        let sigma = |given| {
+            let remembers = LoadEstimate { heaviest_n, ..ended(EXPECTED, given) };
+            let fit = Fit { covariance: [[0.0; UNKNOWNS]; UNKNOWNS], scale_by_growth: 0.0, residual_m: 0.0 };
+            remembers.result(table(), 5.0, &fit).expect("a load").load_sigma_n / 5.0
+        };
+        let shape = table().metadata.uncertainty.load_shape;
+        near(sigma(LoadChoice::Auto), shape.hypot(memory * memory_shape(5.0, heaviest_n)), 1e-3);
+        assert_eq!(sigma(LoadChoice::Known(5.0)), 0.0);
+    }
 }
 
 /// Rig and scene contradict each other: the load is unknown, unless the operator says it.
