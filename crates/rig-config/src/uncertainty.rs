@@ -24,7 +24,7 @@ impl Default for Uncertainty {
     /// Constants from the paper for a rig of its kind that nobody has identified, an LVDT whose zero is measured with callipers, and
     /// rods whose stress in transformation has a loop of 60 MPa to either side (crates/rig-plant/README.md).
     fn default() -> Self {
-        Self { radius: 0.03, gap_zero_m: 0.5e-3, load_shape: 0.02, rod_memory: 0.22 }
+        Self { radius: 0.03, gap_zero_m: 0.5e-3, load_shape: 0.03, rod_memory: 0.22 }
     }
 }
 
