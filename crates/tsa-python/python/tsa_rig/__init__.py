@@ -16,7 +16,7 @@ from importlib.metadata import version
 from ._bench import Bench, Plant, Trace
 from ._errors import ArgumentError, MissingFileError, OperationError, RigError, SceneError
 from ._log import read_log
-from ._model import Equilibria, Looked, Mechanism, Scene, Table
+from ._model import Equilibria, Linear, Looked, Mechanism, Scene, Table
 from ._rig import Config, Motion, Rig
 from ._tools import budget, identify, published
 
@@ -27,6 +27,7 @@ __all__ = [
     "Bench",
     "Config",
     "Equilibria",
+    "Linear",
     "Looked",
     "Mechanism",
     "MissingFileError",

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from os import PathLike
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,6 +17,9 @@ from ._errors import SceneError, wrong
 from ._places import scene as _scene
 
 Array = NDArray[np.float64]
+
+STANDARD_GRAVITY = 9.80665
+"""Standard gravity (m/s², CODATA)."""
 
 
 def numbers(name: str, values: ArrayLike) -> Array:
@@ -123,6 +126,23 @@ class Looked:
     """Why a point was refused; empty where it was not."""
 
 
+class Linear(NamedTuple):
+    """A linear state-space model, x' = A x + B u and y = C x + D u, about an equilibrium at rest.
+
+    x is the load's position (m, up) and speed (m/s), u the twist of the strings (rad), y the load's position (m); all
+    are deviations from the equilibrium.
+    """
+
+    A: Array
+    """Shape (2, 2): 1/s and 1/s²."""
+    B: Array
+    """Shape (2, 1): m/(s rad) and m/(s² rad)."""
+    C: Array
+    """Shape (1, 2)."""
+    D: Array
+    """Shape (1, 1)."""
+
+
 # The rows that the native part answers with, in its order.
 _SOLVED = [f.name for f in fields(Equilibria)][2:-2]
 _LOOKED_UP = [f.name for f in fields(Looked)][2:-1]
@@ -163,6 +183,38 @@ class Mechanism:
         """
         loads, _, (all_turns,), error = _columns(self._core.twist, ("load_n", load_n), ("gap_m", gap_m))
         return self._held(loads, all_turns, error)
+
+    def linearise(
+        self, load_n: float, turns: float, mass_kg: float | None = None, damping_n_s_per_m: float = 0.0
+    ) -> Linear:
+        """The motion of a load about its equilibrium, while the motor holds or moves the twist.
+
+        `load_n` (N) and `turns`, past the half-turn pre-twist, are the equilibrium's. `mass_kg` is what moves with the
+        load; without it, the mass that weighs `load_n`. `damping_n_s_per_m` is the viscous damping of rail, rods and
+        strings together. The stiffness 1 / (∂G/∂F) and the ratio 1/TR = −∂G/∂θ are the model's exact derivatives.
+        Coulomb friction, hysteresis and the motor are not in it.
+
+        `control.ss(*linear)` is the system in python-control. Its gain at rest is 1/TR. Raises ArgumentError, naming
+        the parameter, for a number that is out of range and for a state that the model refuses.
+        """
+        given = {"load_n": load_n, "turns": turns, "damping_n_s_per_m": damping_n_s_per_m}
+        given |= {} if mass_kg is None else {"mass_kg": mass_kg}
+        number = {name: numbers(name, value) for name, value in given.items()}
+        for name, value in number.items():
+            if value.shape != () or not np.isfinite(value):
+                raise wrong(f"{name} {given[name]} must be one finite number")
+        held = self.solve(load_n, turns)
+        if held.error:
+            raise wrong(f"load_n {load_n}, turns {turns}: {held.error}")
+        mass, damping = number.get("mass_kg", number["load_n"] / STANDARD_GRAVITY), number["damping_n_s_per_m"]
+        if mass <= 0.0:
+            raise wrong(f"mass_kg {mass} must be above 0")
+        if damping < 0.0:
+            raise wrong(f"damping_n_s_per_m {damping} must be at least 0")
+        stiffness = 1.0 / held.dgap_dload_m_per_n
+        a = np.array([[0.0, 1.0], [-stiffness / mass, -damping / mass]])
+        b = np.array([[0.0], [-stiffness * held.dgap_dtwist_m_per_rad / mass]])
+        return Linear(a, b, np.array([[1.0, 0.0]]), np.zeros((1, 1)))
 
     def _held(self, load_n: Array, turns: Array, error: NDArray[np.str_]) -> Equilibria:
         solved = self.solve(load_n, turns)
