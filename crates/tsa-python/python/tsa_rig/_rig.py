@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
-from collections.abc import Iterator, Mapping
+import threading
+from collections.abc import AsyncIterator, Generator, Iterator, Mapping
 from os import fspath
 from pathlib import Path
 from types import TracebackType
@@ -43,6 +45,11 @@ class Motion:
         if ended is None:
             raise of_kind("timeout", f"the move has not ended after {timeout} s, and goes on")
         return dict(json.loads(ended))
+
+    def __await__(self) -> Generator[Any, None, Object]:
+        """`await motion` is `wait` in a thread of asyncio: other tasks go on. If the task is cancelled, the motion goes
+        on until `Rig.stop` or the end of the `with` block."""
+        return asyncio.to_thread(self.wait).__await__()
 
 
 class Config:
@@ -128,6 +135,7 @@ class Rig:
         self._board = _core.Board(port, found, rig, seed, changes, folder, not check_scene)
         self.config = Config(self._board)
         self._rows: list[Object] = []
+        self._reading = threading.Lock()
 
     def __enter__(self) -> Rig:
         return self
@@ -275,7 +283,8 @@ class Rig:
             self._board.plant(f"{key}={value}")
 
     def _all(self) -> list[Object]:
-        self._rows += json.loads(self._board.rows(len(self._rows)))
+        with self._reading:
+            self._rows += json.loads(self._board.rows(len(self._rows)))
         return self._rows
 
     def telemetry(self) -> Telemetry:
@@ -311,6 +320,15 @@ class Rig:
             if seconds is not None and row["t_s"] >= start_s + seconds:
                 return
             yield dict(row)
+
+    async def stream(self, seconds: float | None = None) -> AsyncIterator[Object]:
+        """`rows` for `async for`: each next row is waited for in a thread of asyncio, while other tasks go on.
+
+        On an emulated rig that no motion leads time passes as fast as rows are taken.
+        """
+        rows = self.rows(seconds)
+        while (row := await asyncio.to_thread(next, rows, None)) is not None:
+            yield row
 
     def close(self) -> None:
         """Stops the motion and ends the conversation. Further calls raise OperationError of kind `closed`."""
