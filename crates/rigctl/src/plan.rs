@@ -91,14 +91,14 @@ impl Plan {
     /// Refuses a trajectory that leaves the travel, or the speed or acceleration of the motor.
     ///
     /// # Errors
-    /// Naming the row of its file to which the load cannot be led.
-    pub fn check_trajectory(&self, trajectory: &Trajectory) -> Result<(), String> {
+    /// The row to which the load cannot be led, as [`TrajectoryPoint::row`] counts it, and why.
+    pub fn check_trajectory(&self, trajectory: &Trajectory) -> Result<(), (usize, String)> {
         let max_m_per_s = self.values.get(Setting::SpeedMax);
         let load = LoadChoice::Known(self.load_n);
         for (point, acceleration_m_per_s2) in trajectory.samples() {
             let TrajectoryPoint { row, position_m, speed_m_per_s, .. } = point;
             let request = MoveRequest { target_m: position_m as f32, speed_m_per_s: max_m_per_s, load };
-            self.check_move(&request).map_err(|refusal| format!("line {row}: {refusal}"))?;
+            self.check_move(&request).map_err(|refusal| (row, refusal.to_string()))?;
             // At an end of the travel the table's own end counts.
             let twist_rad =
                 self.at(position_m as f32).map_or(self.mechanism().twist_max_rad(), |(twist_rad, _)| twist_rad);
@@ -108,15 +108,16 @@ impl Plan {
             let load = N.show(self.load_n);
             if speed_m_per_s.abs() > BEYOND * speed_max {
                 let [wanted, max] = [speed_m_per_s.abs(), speed_max].map(|speed| MM_PER_S.show(speed));
-                return Err(format!(
-                    "line {row}: its speed is {wanted}, allowed are {max} there with a load of {load}"
-                ));
+                return Err((row, format!("its speed is {wanted}, allowed are {max} there with a load of {load}")));
             }
             if acceleration_m_per_s2.abs() > BEYOND_ACCELERATION * acceleration_max {
-                return Err(format!(
-                    "line {row}: its acceleration is {:.3} m/s², the motor allows {acceleration_max:.3} m/s² there with a load \
-                     of {load}",
-                    acceleration_m_per_s2.abs()
+                let wanted = acceleration_m_per_s2.abs();
+                return Err((
+                    row,
+                    format!(
+                        "its acceleration is {wanted:.3} m/s², the motor allows {acceleration_max:.3} m/s² there with a load of \
+                         {load}"
+                    ),
                 ));
             }
         }
@@ -140,22 +141,25 @@ mod tests {
     fn a_trajectory_that_cannot_be_followed_is_refused_by_its_row() {
         let plan = plan(Some(4.9));
         for (rows, named) in [
-            ("0,0.001\n5,0.002\n90,0.1\n", "line 4: target is 0.1 m, allowed are 0"),
-            ("0,-0.01\n1,0.002\n", "line 2: target is -0.01 m"),
-            ("0,0.001\n0.02,0.0021\n0.04,0.0032\n1,0.0032\n", "line 2: its acceleration is"),
-            ("0,0.001\n0.02,0.0011\n0.04,0.001\n1,0.001\n", "line 2: its acceleration is"),
+            ("0,0.001\n5,0.002\n90,0.1\n", (4, "target is 0.1 m, allowed are 0")),
+            ("0,-0.01\n1,0.002\n", (2, "target is -0.01 m")),
+            ("0,0.001\n0.02,0.0021\n0.04,0.0032\n1,0.0032\n", (2, "its acceleration is")),
+            ("0,0.001\n0.02,0.0011\n0.04,0.001\n1,0.001\n", (2, "its acceleration is")),
         ] {
             let trajectory = Trajectory::parse(&format!("t_s,position_m\n{rows}")).expect("a trajectory");
-            let refused = plan.check_trajectory(&trajectory).expect_err(rows);
-            assert!(refused.starts_with(named), "{rows}: {refused}");
+            let (row, why) = plan.check_trajectory(&trajectory).expect_err(rows);
+            assert!(row == named.0 && why.starts_with(named.1), "{rows}: {row}: {why}");
         }
         let fast = "t_s,position_m,speed_m_per_s\n0,0.001,0.015\n1,0.016,0.015\n";
         let fast = plan.check_trajectory(&Trajectory::parse(fast).expect("a trajectory"));
-        assert!(fast.as_ref().is_err_and(|refused| refused.starts_with("line 2: its speed is 15.00 mm/s")), "{fast:?}");
+        assert!(
+            fast.as_ref().is_err_and(|(row, why)| *row == 2 && why.starts_with("its speed is 15.00 mm/s")),
+            "{fast:?}"
+        );
         // Between two rows as well.
         let beyond = "t_s,position_m,speed_m_per_s\n0,0.001,0\n20,0.023,0.002\n60,0.023,-0.002\n";
         let beyond = plan.check_trajectory(&Trajectory::parse(beyond).expect("a trajectory"));
-        assert!(beyond.as_ref().is_err_and(|refused| refused.starts_with("line 4: target")), "{beyond:?}");
+        assert!(beyond.as_ref().is_err_and(|(row, why)| *row == 4 && why.starts_with("target")), "{beyond:?}");
         for (name, load_n) in [("sine", 4.9), ("chirp", 4.9), ("hand", 4.9)] {
             let file = std::path::PathBuf::from(format!("{ROOT}/scenarios/{name}.csv"));
             let trajectory = Trajectory::load(&file).expect("a trajectory");

@@ -12,6 +12,7 @@ use rigctl::failure::Failure;
 use rigctl::lvdt_points::Point;
 use rigctl::out_file::OutFile;
 use rigctl::output::Output;
+use rigctl::plan::Plan;
 use rigctl::session::row::{Entry, Row};
 use rigctl::session::sim::SimOptions;
 use rigctl::session::{Place, Session, Target, homing, motion, stream, table};
@@ -308,7 +309,13 @@ impl Board {
     ) -> PyResult<String> {
         let trajectory = Trajectory::new(&times_s, &positions_m, speeds_m_per_s.as_deref());
         let trajectory = trajectory.map_err(wrong)?;
-        json(&self.0.with(py, |session, _| stream::track(session, &trajectory, |_| {}))?)
+        json(&self.0.with(py, |session, target| {
+            let scene = rigctl::scene_file::load(&target.scene)?;
+            let (values, load_n) = (session.settings()?.values, session.newest_row()?.and_then(|row| row.load_n));
+            let refused = |(k, why)| Failure::of_kind("refused", format!("point {k}: {why}"));
+            Plan::new(&scene, values, load_n)?.check_trajectory(&trajectory).map_err(refused)?;
+            stream::track(session, &trajectory, |_| {})
+        })?)
     }
 
     fn jog(&self, py: Python<'_>, speed_rad_per_s: f64, seconds: f64) -> PyResult<()> {

@@ -48,9 +48,17 @@ def test_a_course_is_followed_and_what_is_none_is_named() -> None:
             rig.track([0.0, 1.0], [0.006, np.nan])
         with pytest.raises(ValueError, match="lists"):
             rig.track(0.0, 0.006)
-        with pytest.raises(RuntimeError, match="refused: target|too-fast"):
-            rig.track([0.0, 10.0], [0.006, 0.04])
-        assert rig.telemetry()["state"][-1] in ("moving", "holding")
+        before = rig.latest()
+        for moments, positions, why in [
+            ([0.0, 5.0, 60.0], [0.002, 0.002, 0.06], r"point 2: target is 0\.06 m, allowed are"),
+            ([0.0, 0.1, 5.0], [0.002, 0.008, 0.008], "point 0: its acceleration is"),
+        ]:
+            with pytest.raises(tsa_rig.OperationError, match=why) as refused:
+                rig.track(moments, positions)
+            assert refused.value.kind == "refused"
+        after = rig.latest()
+        assert after["state"] == before["state"] == "holding"
+        assert after["true_position_m"] == pytest.approx(before["true_position_m"], abs=2e-4), "it has not moved"
 
 
 def test_refusals_are_errors_with_the_boards_words() -> None:

@@ -146,7 +146,7 @@ impl Track {
         let values = session.settings()?.values;
         let possible = |load_n| {
             let checked = Plan::new(&scene, values, load_n)?.check_trajectory(&trajectory);
-            checked.map_err(|why| Failure::failed(format!("{name}: {why}")))
+            checked.map_err(|(line, why)| Failure::failed(format!("{name}: line {line}: {why}")))
         };
         // What no load can follow is refused before an emulated board is homed; what this one cannot, before it moves further.
         if global.is_emulated() {

@@ -108,8 +108,7 @@ impl Response {
         let possible = |load_n| {
             let checked = Plan::new(&scene, values, load_n)?.check_trajectory(&trajectory);
             // It has no rows that the operator has written.
-            let why = |why: String| why.split_once(": ").map_or(why.clone(), |(_, why)| why.to_owned());
-            checked.map_err(|e| Failure::failed(format!("--at, --amplitude, --to: {}", why(e))))
+            checked.map_err(|(_, why)| Failure::failed(format!("--at, --amplitude, --to: {why}")))
         };
         if global.is_emulated() {
             possible(None)?;

@@ -190,7 +190,8 @@ class Rig:
         The load first moves to the first position. Times count from then; between them the trajectory is a cubic.
         Without speeds it begins and ends at rest. The three lists have one shape, (n,), with at least two numbers.
         Raises ArgumentError for lists that are no trajectory, and OperationError with the board's refusal or why it
-        ended the stream; the load is then held.
+        ended the stream; the load is then held. Range, speed and acceleration are checked before anything moves, as
+        `rigctl track` does: OperationError, of kind `refused`, then names the point, counted from 0.
         """
         lists = [numbers("times", times), numbers("positions", positions)]
         lists += [] if speeds is None else [numbers("speeds", speeds)]
