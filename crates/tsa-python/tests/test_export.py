@@ -72,10 +72,10 @@ def test_what_is_no_whole_log_is_refused(log: Path, tmp_path: Path) -> None:
             read_log(bad)
 
 
-def test_mcap_is_json_with_schemas_at_the_times_of_the_log(log: Path, rows: pd.DataFrame, tmp_path: Path) -> None:
+def test_mcap_is_json_with_schemas_at_the_hosts_times(log: Path, rows: pd.DataFrame, tmp_path: Path) -> None:
     out = tmp_path / "run.mcap"
     rigctl("export", log, "--to", "mcap", "--out", out)
-    telemetry, events = [], []
+    telemetry, events, times = [], [], []
     with out.open("rb") as stream:
         reader = make_reader(stream, validate_crcs=True)
         facts = {record.name: record.metadata for record in reader.iter_metadata()}
@@ -85,7 +85,7 @@ def test_mcap_is_json_with_schemas_at_the_times_of_the_log(log: Path, rows: pd.D
             fields = json.loads(schema.data)["properties"]
             assert set(content) <= set(fields) and message.log_time == message.publish_time
             if channel.topic == "/telemetry":
-                assert message.log_time == round(content["t_s"] * 1e9)
+                times.append((message.log_time, content["t_s"]))
                 telemetry.append(content)
                 # One plain type each: Foxglove refuses a field that may be a number or null.
                 assert {name: kind["type"] for name, kind in fields.items()} == {
@@ -95,6 +95,11 @@ def test_mcap_is_json_with_schemas_at_the_times_of_the_log(log: Path, rows: pd.D
                 assert (channel.topic, schema.name) == ("/log", "foxglove.Log")
                 events.append(content)
     assert facts["tsa-log"]["seed"] == "3"
+    # The clock of the host at the first row.
+    first_ns, first_s = times[0]
+    assert abs(first_ns / 1e9 - log.stat().st_mtime) < 3600.0
+    assert pd.Timestamp(facts["tsa-log"]["host_time"]).value == first_ns
+    assert all(abs((ns - first_ns) - (t_s - first_s) * 1e9) <= 500.0 for ns, t_s in times)
     assert [one["message"].split()[0] for one in events if one["name"] == "request"] == ["move", "home", "move"]
     assert len(telemetry) == len(rows)
     for index, row in enumerate(telemetry):

@@ -9,6 +9,7 @@ use ::mcap::{McapResult, WriteOptions, Writer};
 use serde_json::{Map, Value, json};
 use std::collections::BTreeMap;
 use std::io::Cursor;
+use std::time::UNIX_EPOCH;
 
 /// Topic of the rows.
 pub const TELEMETRY: &str = "/telemetry";
@@ -19,7 +20,8 @@ pub const METADATA: &str = "tsa-log";
 /// Level of every message in `/log`: information.
 const INFO: u8 = 2;
 
-/// The file's content. Both times of a message are the log's `t_s` (ns).
+/// The file's content. Both times of a message are the host's clock (ns since 1970), of which the log's header has that of the
+/// first row; without it they are the log's `t_s` (ns).
 ///
 /// # Errors
 /// If the writer fails.
@@ -31,17 +33,18 @@ pub fn encode(table: &Table<'_>) -> McapResult<Vec<u8>> {
     let log = channel(&mut writer, LOG, "foxglove.Log", log_schema())?;
     let metadata = table.log.header.0.iter().cloned().collect();
     writer.write_metadata(&Metadata { name: METADATA.into(), metadata })?;
+    let clock = Clock::of(table);
     let mut marks = table.marks().peekable();
     for (row, (_, cells)) in table.log.rows.iter().zip(&table.cells.rows) {
         while let Some((t_s, text)) = marks.next_if(|(t_s, _)| *t_s <= row.t_s) {
-            send(&mut writer, log, t_s, &log_message(t_s, text))?;
+            send(&mut writer, log, clock.at(t_s), &log_message(clock.at(t_s), text))?;
         }
         let cells = table.cells.names.1.iter().zip(cells).filter(|(_, cell)| !cell.is_empty());
         let message: Map<String, Value> = cells.map(|(name, cell)| (name.to_owned(), value(name, cell))).collect();
-        send(&mut writer, telemetry, row.t_s, &message.into())?;
+        send(&mut writer, telemetry, clock.at(row.t_s), &message.into())?;
     }
     for (t_s, text) in marks {
-        send(&mut writer, log, t_s, &log_message(t_s, text))?;
+        send(&mut writer, log, clock.at(t_s), &log_message(clock.at(t_s), text))?;
     }
     writer.finish()?;
     drop(writer);
@@ -56,15 +59,26 @@ fn channel(writer: &mut FileWriter<'_>, topic: &str, name: &str, schema: Value) 
     Ok(MessageHeader { channel_id, sequence: 0, log_time: 0, publish_time: 0 })
 }
 
-fn send(writer: &mut FileWriter<'_>, channel: MessageHeader, t_s: f64, message: &Value) -> McapResult<()> {
-    let time = nanoseconds(t_s);
+fn send(writer: &mut FileWriter<'_>, channel: MessageHeader, time: u64, message: &Value) -> McapResult<()> {
     let header = MessageHeader { log_time: time, publish_time: time, ..channel };
     writer.write_to_known_channel(&header, message.to_string().as_bytes())
 }
 
-/// A time of the log (s) in ns.
-fn nanoseconds(t_s: f64) -> u64 {
-    (t_s * 1e9).round() as u64
+/// When the host's clock was at the zero of the log's `t_s` (ns since 1970).
+struct Clock(u64);
+
+impl Clock {
+    fn of(table: &Table<'_>) -> Self {
+        let first_ns = Self(0).at(table.log.rows.first().map_or(0.0, |row| row.t_s));
+        let since_1970 = table.log.header.host_time().and_then(|time| time.duration_since(UNIX_EPOCH).ok());
+        let host_ns = since_1970.and_then(|time| u64::try_from(time.as_nanos()).ok());
+        Self(host_ns.map_or(0, |host_ns| host_ns.saturating_sub(first_ns)))
+    }
+
+    /// At a time of the log (s).
+    fn at(&self, t_s: f64) -> u64 {
+        self.0.saturating_add((t_s * 1e9).round() as u64)
+    }
 }
 
 fn telemetry_schema(table: &Table<'_>) -> Value {
@@ -90,8 +104,7 @@ fn log_schema() -> Value {
     }})
 }
 
-fn log_message(t_s: f64, text: &str) -> Value {
-    let time = nanoseconds(t_s);
+fn log_message(time: u64, text: &str) -> Value {
     let timestamp = json!({"sec": time / 1_000_000_000, "nsec": time % 1_000_000_000});
     let (name, message) = text.split_once(' ').unwrap_or(("", text));
     json!({"timestamp": timestamp, "level": INFO, "message": message, "name": name, "file": "", "line": 0})
@@ -105,6 +118,19 @@ mod tests {
     const TEXT: &str = "# format = tsa-log 1\n# seed = 3\nt_s,state,position_m,twist_rad,limit\n\
         # at 0.01 request home\n0.02,ready,,3.2,\n# at 0.02 event stopped\n0.03,moving,-1e-7,3.3,travel\n\
         # at 0.04 event move-done error_m=1e-6\n# end rows = 2\n";
+
+    #[test]
+    fn times_are_those_of_the_hosts_clock_if_the_log_has_it() {
+        let text = TEXT.replace("# seed", "# host_time = 2026-01-02T03:04:05.500Z\n# seed");
+        let file = encode(&Table::read(&text, false).expect("a log")).expect("a file");
+        let times: Vec<u64> =
+            MessageStream::new(&file).expect("MCAP").map(|m| m.expect("a message").log_time).collect();
+        // 1767323045.5 s after 1970 is the first row, whose t_s is 0.02.
+        assert_eq!(times, [490, 500, 500, 510, 520].map(|ms| (1_767_323_045_000 + ms) * 1_000_000));
+        let last = MessageStream::new(&file).expect("MCAP").last().expect("there").expect("a message");
+        let last: Value = serde_json::from_slice(&last.data).expect("JSON");
+        assert_eq!(last["timestamp"], json!({"sec": 1_767_323_045, "nsec": 520_000_000}));
+    }
 
     #[test]
     fn what_the_crate_reads_is_the_log() {

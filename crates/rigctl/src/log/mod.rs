@@ -29,6 +29,8 @@ use std::time::SystemTime;
 
 /// First value of the header: raise the number when a reader of the old format would misread the new one.
 pub const FORMAT: &str = "tsa-log 1";
+/// Key in the header of the host's clock when recording starts, by RFC 3339.
+const HOST_TIME: &str = "host_time";
 /// Prefix of a setting's name in the header.
 const SETTINGS: &str = "settings.";
 /// Prefix in the header of the name of a constant that settings correct.
@@ -52,7 +54,7 @@ impl Header {
         header.add("format", FORMAT);
         header.add("tool", concat!("rigctl ", env!("CARGO_PKG_VERSION")));
         header.add("command", command);
-        header.add("host_time", humantime::format_rfc3339_seconds(SystemTime::now()));
+        header.add(HOST_TIME, humantime::format_rfc3339_millis(SystemTime::now()));
         header.add("scene", target.scene.display());
         header.add("scene_hash", format!("{scene_hash:08x}"));
         header.add("port", target.port());
@@ -105,6 +107,11 @@ impl Header {
     /// Adds a fact. A line break in its value would end the header's line, so it becomes a blank.
     pub fn add(&mut self, key: &str, value: impl std::fmt::Display) {
         self.0.push((key.to_owned(), value.to_string().replace(['\r', '\n'], " ")));
+    }
+
+    /// The host's clock when recording started.
+    pub fn host_time(&self) -> Option<SystemTime> {
+        humantime::parse_rfc3339(self.get(HOST_TIME)?).ok()
     }
 
     /// The value of a key.
