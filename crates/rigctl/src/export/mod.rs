@@ -86,7 +86,7 @@ impl<'a> Table<'a> {
 /// The format of another tool.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Format {
-    /// For Foxglove and PlotJuggler: JSON messages with schemas, at the times of the log
+    /// For Foxglove and PlotJuggler: JSON messages with schemas, at wall-clock times
     Mcap,
     /// The rows alone, under one line of names
     Csv,

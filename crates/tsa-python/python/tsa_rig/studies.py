@@ -30,7 +30,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _core
 from ._errors import of_kind, wrong
-from ._model import Equilibria, Scene, _place
+from ._model import STANDARD_GRAVITY, Equilibria, Scene, _place
 from ._places import FilePath, program
 from ._rig import Rig
 from ._tools import identify
@@ -495,7 +495,7 @@ def coverage(rows: pd.DataFrame, by: Sequence[str] = ("kind", "moment")) -> pd.D
     `load` and `position`: `n`, `held` (the fraction), `low` and `high` (its 90 % interval, by Wilson), `stated` (median
     of the stated error) and `error` (90th percentile of the size of the true one), in N and m.
     """
-    kg = rows["true_load_n"] / 9.80665
+    kg = rows["true_load_n"] / STANDARD_GRAVITY
     rows = rows.assign(load=np.select([kg < 0.3, kg >= 0.9], ["light", "heavy"], "middle"))
     found = []
     for group, members in rows[rows["true_load_n"].notna()].groupby(list(by), sort=True):
