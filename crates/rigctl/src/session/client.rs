@@ -129,7 +129,8 @@ impl Session {
 
     /// The end of the table's range that a load (N) stands at, by the board's identity.
     pub fn range_end(&self, load_n: f32) -> Option<RangeEnd> {
-        RangeEnd::of(load_n, &self.identity.as_ref()?.table)
+        let table = &self.identity.as_ref()?.table;
+        RangeEnd::of(load_n, [table.load_min_n, table.load_max_n])
     }
 
     /// The newest report of the board's settings.

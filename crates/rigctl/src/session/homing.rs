@@ -6,7 +6,7 @@ use super::row::{RangeEnd, Row, load_text};
 use crate::failure::Failure;
 use crate::output::progress;
 use crate::units::{N, RAD, S};
-use rig_link::{EventKind, LoadChoice, Request};
+use rig_link::{EventKind, HomingResult, LoadChoice, Request};
 use serde::Serialize;
 
 /// Longest homing (s) on the board's clock, the drive's start-up included: an emulated board behind a serial line may be slower
@@ -33,6 +33,12 @@ pub struct HomeResult {
 }
 
 impl HomeResult {
+    /// From what the board reports.
+    pub fn new(duration_s: f64, found: &HomingResult, load_at_range_end: Option<RangeEnd>) -> Self {
+        let HomingResult { load_n, load_error_n, friction_n, zero_error_rad, reference_gap_m, .. } = *found;
+        Self { duration_s, load_n, load_at_range_end, load_error_n, friction_n, zero_error_rad, reference_gap_m }
+    }
+
     /// A line for people.
     pub fn text(&self) -> String {
         format!(
@@ -61,15 +67,7 @@ pub fn home(session: &mut Session, load: LoadChoice, mut each: impl FnMut(&Row))
         session.take_rows().iter().for_each(&mut each);
         if let Some((t_s, EventKind::Homed(found))) = ended(session, &request, "while homing")? {
             bar.finish_and_clear();
-            return Ok(HomeResult {
-                duration_s: t_s - start_s,
-                load_n: found.load_n,
-                load_at_range_end: session.range_end(found.load_n),
-                load_error_n: found.load_error_n,
-                friction_n: found.friction_n,
-                zero_error_rad: found.zero_error_rad,
-                reference_gap_m: found.reference_gap_m,
-            });
+            return Ok(HomeResult::new(t_s - start_s, &found, session.range_end(found.load_n)));
         }
     }
     Err(Failure::failed(format!("homing did not end within {HOMING_S} s")))
@@ -82,7 +80,7 @@ mod tests {
     use crate::fixtures::telemetry;
     use crate::session::link::Port;
     use rig_link::messages::GapCurve;
-    use rig_link::{Accepted, Decoder, HomingResult, MAX_FRAME, Message, encode};
+    use rig_link::{Accepted, Decoder, MAX_FRAME, Message, encode};
     use rig_plant::Run;
 
     /// Time (µs) for which the board has been on, and how much of it passes in a step of 10 ms on the port's clock.

@@ -6,9 +6,9 @@ use super::row::{RangeEnd, Row};
 use crate::failure::{Failure, HomingFailed};
 use crate::output::progress;
 use crate::units::{MM, TURNS_OF_RAD, UM};
-use rig_link::{Accepted, EventKind, Fault, HomingFailure, LoadChoice, Request, StreamEnd};
+use rig_link::{Accepted, EventKind, Fault, HomingFailure, LoadChoice, Request, StreamEnd, Telemetry};
 use serde::Serialize;
-use std::f64::consts::PI;
+use std::f64::consts::{PI, TAU};
 
 /// Longest move beyond what distance and speed need (s).
 const MOVE_SLACK_S: f64 = 30.0;
@@ -128,6 +128,35 @@ pub struct MoveResult {
     pub off_target: Option<String>,
 }
 
+impl MoveResult {
+    /// Of a load at rest, from the telemetry before the move and the rows at rest, over which positions are averaged: one block of
+    /// the LVDT is noisier than where the load stands. `None` without a row.
+    pub fn at_rest(to_m: f64, before: &Telemetry, rest: &[Row], duration_s: f64) -> Option<Self> {
+        let (last, count) = (rest.last()?, rest.len() as f64);
+        let number = |v: Option<f32>| v.map_or(f64::NAN, f64::from);
+        let position_m = rest.iter().map(|row| number(row.position_m)).sum::<f64>() / count;
+        let true_m = rest.iter().map(|row| row.true_position_m.unwrap_or(f64::NAN)).sum::<f64>() / count;
+        Some(Self {
+            target_m: to_m,
+            position_m,
+            error_m: position_m - to_m,
+            true_error_m: Some(true_m - to_m).filter(|e| e.is_finite()),
+            position_error_m: last.position_error_m,
+            load_n: number(last.load_n),
+            load_error_n: last.load_error_n,
+            load_at_range_end: last.load_at_range_end,
+            tr_start_rad_per_m: number(before.tr_rad_per_m),
+            tr_end_rad_per_m: number(last.tr_rad_per_m),
+            turns: (number(last.twist_rad) - number(before.twist_rad)) / TAU,
+            duration_s,
+            off_target: None,
+        })
+    }
+}
+
+/// Rows at rest that a position is averaged over.
+pub const REST_ROWS: usize = 30;
+
 /// From which error (m) on the mean of 0.3 s is beside its target: above the noise of that mean on a noisy LVDT.
 const OFF_TARGET_M: f64 = 30e-6;
 
@@ -184,7 +213,7 @@ pub fn move_to(
         }
         if ended(session, &request, "on the way")?.is_some() {
             bar.finish_and_clear();
-            return settle(session, to_m, start_s, before, &mut each);
+            return settle(session, to_m, start_s, before, each);
         }
     }
     Err(Failure::failed("the move did not end"))
@@ -194,44 +223,23 @@ fn settle(
     session: &mut Session,
     to_m: f64,
     start_s: f64,
-    before: Option<rig_link::Telemetry>,
-    each: &mut impl FnMut(&Row),
+    before: Option<Telemetry>,
+    mut each: impl FnMut(&Row),
 ) -> Result<MoveResult, Failure> {
     let duration_s = session.now_s() - start_s;
-    // The mean of 0.3 s at rest: one block of the LVDT is noisier than where the load stands.
-    let (mut sum, mut true_sum, mut count) = (0.0, 0.0, 0.0);
-    let mut last = None;
-    for _ in 0..30 {
+    let mut rest = Vec::new();
+    for _ in 0..REST_ROWS {
         session.step()?;
         for row in session.take_rows() {
-            sum += f64::from(row.position_m.unwrap_or(f32::NAN));
-            true_sum += row.true_position_m.unwrap_or(f64::NAN);
-            count += 1.0;
             each(&row);
-            last = Some(row);
+            rest.push(row);
         }
     }
-    let last = last.ok_or_else(|| Failure::failed("the board went silent"))?;
-    let before = before.ok_or_else(|| Failure::failed("the board went silent"))?;
-    let position_m = sum / count;
-    let number = |v: Option<f32>| v.map_or(f64::NAN, f64::from);
-    let error_m = position_m - to_m;
-    let tolerance_m = if error_m.abs() < OFF_TARGET_M { None } else { session.sensors()?.rest_tolerance_m };
-    Ok(MoveResult {
-        off_target: off_target(error_m, &last, tolerance_m),
-        target_m: to_m,
-        position_m,
-        error_m,
-        true_error_m: Some(true_sum / count - to_m).filter(|e| e.is_finite()),
-        position_error_m: last.position_error_m,
-        load_n: number(last.load_n),
-        load_error_n: last.load_error_n,
-        load_at_range_end: last.load_at_range_end,
-        tr_start_rad_per_m: number(before.tr_rad_per_m),
-        tr_end_rad_per_m: number(last.tr_rad_per_m),
-        turns: (number(last.twist_rad) - number(before.twist_rad)) / std::f64::consts::TAU,
-        duration_s,
-    })
+    let moved = before.and_then(|before| MoveResult::at_rest(to_m, &before, &rest, duration_s)).zip(rest.last());
+    let (mut moved, last) = moved.ok_or_else(|| Failure::failed("the board went silent"))?;
+    let tolerance_m = if moved.error_m.abs() < OFF_TARGET_M { None } else { session.sensors()?.rest_tolerance_m };
+    moved.off_target = off_target(moved.error_m, last, tolerance_m);
+    Ok(moved)
 }
 
 /// Turns the shaft by about 0.06 rad of the strings each way and back, to see that motor and encoders turn the same way. Nothing

@@ -3,7 +3,7 @@
 
 use crate::output::at;
 use crate::units::{MM, N, RAD_PER_MM, Value};
-use rig_link::{EventKind, Fault, HomingFailure, Limit, Request, State, TableIdentity, Telemetry};
+use rig_link::{EventKind, Fault, HomingFailure, Limit, Request, State, Telemetry};
 use rig_plant::Truth;
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
@@ -33,12 +33,20 @@ pub enum RangeEnd {
 }
 
 impl RangeEnd {
-    /// The end of a table's range that an estimate (N) stands at, if it stands at one.
-    pub fn of(load_n: f32, table: &TableIdentity) -> Option<Self> {
+    /// The end of a table's range of loads (N) that an estimate stands at, if it stands at one.
+    pub fn of(load_n: f32, [min_n, max_n]: [f32; 2]) -> Option<Self> {
         match load_n {
-            n if n >= table.load_max_n => Some(Self::High),
-            n if n <= table.load_min_n => Some(Self::Low),
+            n if n >= max_n => Some(Self::High),
+            n if n <= min_n => Some(Self::Low),
             _ => None,
+        }
+    }
+
+    /// Its name in JSON and logs.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Low => "low",
+            Self::High => "high",
         }
     }
 }
@@ -198,17 +206,16 @@ impl TruthRecords {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fixtures::{identity, telemetry};
+    use crate::fixtures::telemetry;
 
     #[test]
     fn a_load_at_the_end_of_the_range_is_a_bound() {
-        let table = TableIdentity { load_min_n: 0.75, load_max_n: 18.0, ..identity("abcdef0").table };
-        let ends = [0.75, 0.76, 17.99, 18.0].map(|n| RangeEnd::of(n, &table));
+        let ends = [0.75, 0.76, 17.99, 18.0].map(|n| RangeEnd::of(n, [0.75, 18.0]));
         assert_eq!(ends, [Some(RangeEnd::Low), None, None, Some(RangeEnd::High)]);
         let heavy = Telemetry { load_n: Some(18.0), load_error_n: Some(2.0), ..telemetry(0) };
         let row = Row { load_at_range_end: ends[3], ..Row::new(0.0, &heavy, None, None) };
         assert!(row.text().contains("load at least 18.00 N (end of the table's range)"), "{}", row.text());
-        assert_eq!(serde_json::to_value(&row).expect("JSON")["load_at_range_end"], "high");
+        assert_eq!(serde_json::to_value(&row).expect("JSON")["load_at_range_end"], RangeEnd::High.name());
     }
 
     #[test]
