@@ -9,7 +9,9 @@ use rig_config::Scene;
 use rig_control::sensors::EncoderCount;
 use rig_control::supervisor::Events;
 use rig_control::{Controller, DriveCommand, DriveReading, Inputs, LvdtBlock, Outputs, RigConstants, TICK_S};
-use rig_link::messages::{Accepted, Counters, EventKind, LoadChoice, Refusal, Request, Sensors, State, Telemetry};
+use rig_link::messages::{
+    Accepted, EventKind, HomingFailure, HomingResult, LoadChoice, Refusal, Request, State, Telemetry,
+};
 use rmds405::{Address, Conversation, Received, Report};
 use std::sync::{Arc, OnceLock};
 use tsa_table::Table;
@@ -53,6 +55,13 @@ pub fn settings(keys: &[(&str, &str)]) -> PlantSettings {
     settings
 }
 
+/// Longest start of the drive (s), longest homing (s), longest move beyond what distance and speed need (s).
+const START_S: f64 = 10.0;
+const HOMING_S: f64 = 60.0;
+const MOVE_SLACK_S: f64 = 60.0;
+/// What is said of a drive that does not report.
+const NO_START: &str = "the drive does not start: is it powered, is the bus wired?";
+
 /// Samples of one LVDT block, and the time between two of them, as on the board.
 const BLOCK: usize = 256;
 const SAMPLE_S: f64 = 492.0 / 21e6;
@@ -85,8 +94,6 @@ pub struct ControlTick {
     pub events: Events,
     /// For the host.
     pub telemetry: Telemetry,
-    /// What the sensors show, homed or not.
-    pub sensors: Sensors,
 }
 
 impl ControlLaw for Controller {
@@ -94,8 +101,7 @@ impl ControlLaw for Controller {
 
     fn step(&mut self, inputs: &Inputs) -> ControlTick {
         let Outputs { drive, reply, events, .. } = Controller::step(self, inputs);
-        let counters = Counters { late_ticks: self.late_ticks(), ..Counters::default() };
-        ControlTick { drive, reply, events, telemetry: self.telemetry(inputs), sensors: self.sensors(inputs, counters) }
+        ControlTick { drive, reply, events, telemetry: self.telemetry(inputs) }
     }
 
     fn drive(decision: &ControlTick) -> DriveCommand {
@@ -121,6 +127,10 @@ pub struct ControlBench<C: ControlLaw = Controller> {
     pub last: Option<C::Decision>,
     /// Every event so far, with its time (s).
     pub events: Vec<(f64, EventKind)>,
+    /// What the last homing found.
+    pub found: Option<HomingResult>,
+    /// Why the last homing failed, until the next one begins.
+    pub homing_failure: Option<HomingFailure>,
     /// True gap when homing ended (m).
     pub home_gap_m: Option<f64>,
     /// Whether the host sends heartbeats.
@@ -147,23 +157,13 @@ pub(crate) fn address() -> Address {
 impl ControlBench {
     /// A rig with these plant keys, and control code that has just booted.
     pub fn new(keys: &[(&str, &str)], seed: u64) -> Self {
-        Self::with(booted(), keys, seed)
-    }
-
-    /// As [`ControlBench::new`], of a rig whose `[rig]` is not the default scene's, and control code built for it.
-    pub fn of(scene: &Scene, keys: &[(&str, &str)], seed: u64) -> Self {
-        let control = Controller::new(table(), scene.constants(), None);
-        Self::in_scene(scene, control, keys, seed)
+        Self::with(scene(), booted(), keys, seed)
     }
 }
 
 impl<C: ControlLaw> ControlBench<C> {
-    /// A rig with these plant keys under another controller.
-    pub fn with(control: C, keys: &[(&str, &str)], seed: u64) -> Self {
-        Self::in_scene(scene(), control, keys, seed)
-    }
-
-    fn in_scene(scene: &Scene, control: C, keys: &[(&str, &str)], seed: u64) -> Self {
+    /// The rig of a scene with these plant keys, under a controller.
+    pub fn with(scene: &Scene, control: C, keys: &[(&str, &str)], seed: u64) -> Self {
         Self::on(EmulatedRig::new(scene, settings(keys), seed).unwrap_or_else(|e| panic!("{e}")), control)
     }
 
@@ -178,6 +178,8 @@ impl<C: ControlLaw> ControlBench<C> {
             control,
             last: None,
             events: Vec::new(),
+            found: None,
+            homing_failure: None,
             home_gap_m: None,
             host_alive: true,
             tamper: None,
@@ -277,8 +279,12 @@ impl<C: ControlLaw> ControlBench<C> {
         self.send(frame);
         self.switch_motor_power();
         for kind in C::events(&decision) {
-            if matches!(kind, EventKind::Homed { .. }) {
-                self.home_gap_m = Some(self.rig.truth().gap_m);
+            match kind {
+                EventKind::Homed(found) => {
+                    (self.found, self.home_gap_m) = (Some(*found), Some(self.rig.truth().gap_m));
+                }
+                EventKind::HomingRefused(failure) => self.homing_failure = Some(*failure),
+                _ => {}
             }
             self.events.push((self.time_s, *kind));
         }
@@ -298,9 +304,17 @@ impl<C: ControlLaw> ControlBench<C> {
         false
     }
 
+    /// For the given time (s), looked at after each tick.
+    pub fn watch(&mut self, seconds: f64, mut look: impl FnMut(&Self)) {
+        self.until(seconds, |bench| {
+            look(bench);
+            false
+        });
+    }
+
     /// For the given time (s).
     pub fn run(&mut self, seconds: f64) {
-        self.until(seconds, |_| false);
+        self.watch(seconds, |_| {});
     }
 }
 
@@ -365,6 +379,18 @@ impl MotorSpeed {
     }
 }
 
+impl ControlBench<MotorSpeed> {
+    /// Waits until the drive reports.
+    ///
+    /// # Errors
+    /// In words, if it does not.
+    pub fn start(&mut self) -> Result<(), String> {
+        let reports = |last: &MotorTick| matches!(last.inputs.drive, DriveReading::Reports { .. });
+        let started = self.until(START_S, |b| b.last.as_ref().is_some_and(reports));
+        started.then_some(()).ok_or_else(|| NO_START.into())
+    }
+}
+
 impl ControlLaw for MotorSpeed {
     type Decision = MotorTick;
 
@@ -387,37 +413,76 @@ impl ControlBench {
         assert!(self.until(5.0, |d| d.control.state() == State::Unhomed), "{:?}", self.control.fault());
     }
 
+    /// What the last tick told the host.
+    pub fn telemetry(&self) -> Option<Telemetry> {
+        self.last.as_ref().map(|last| last.telemetry)
+    }
+
+    /// Asks for something, which takes a tick.
+    ///
+    /// # Errors
+    /// The refusal, in words.
+    pub fn ask(&mut self, request: Request) -> Result<(), String> {
+        match self.tick(Some(request)).reply {
+            Some(Ok(_)) => Ok(()),
+            Some(Err(refusal)) => Err(format!("refused: {refusal}")),
+            None => Err("no answer".into()),
+        }
+    }
+
+    /// Waits for the drive after its start.
+    ///
+    /// # Errors
+    /// In words, if it does not report.
+    pub fn ready(&mut self) -> Result<(), String> {
+        let starts = |d: &Self| d.control.state() == State::Boot;
+        let started = !starts(self) || self.until(START_S, |d| !starts(d));
+        started.then_some(()).ok_or_else(|| NO_START.into())
+    }
+
     /// Waits for the drive, homes; homing time (s) or how it failed.
+    ///
+    /// # Errors
+    /// In words.
     pub fn home(&mut self) -> Result<f64, String> {
         self.home_under(LoadChoice::Auto)
     }
 
     /// The same under a load that somebody has weighed.
+    ///
+    /// # Errors
+    /// In words.
     pub fn home_under(&mut self, load: LoadChoice) -> Result<f64, String> {
-        let idle = |d: &Self| matches!(d.control.state(), State::Unhomed | State::Ready | State::Holding);
-        if !idle(self) && !self.until(10.0, idle) {
-            return Err(format!("not ready: {:?} {:?}", self.control.state(), self.control.fault()));
-        }
-        self.play(Request::Home { load }, State::Homing, State::Ready)
+        self.ready()?;
+        self.play(Request::Home { load }, HOMING_S, [State::Homing, State::Ready], "while homing")
     }
 
     /// Moves and waits until the load stands; time taken (s) or how it failed.
+    ///
+    /// # Errors
+    /// In words.
     pub fn move_to(&mut self, target_m: f32, speed_m_per_s: f32, load: LoadChoice) -> Result<f64, String> {
-        self.play(Request::Move { target_m, speed_m_per_s, load }, State::Moving, State::Holding)
+        let from_m = self.telemetry().and_then(|t| t.position_m).unwrap_or(target_m);
+        // A heavy load may be slower than requested, because the motor has its own limit.
+        let limit_s = 4.0 * f64::from((target_m - from_m).abs() / speed_m_per_s.abs().clamp(1e-6, 1e-3)) + MOVE_SLACK_S;
+        let request = Request::Move { target_m, speed_m_per_s, load };
+        self.play(request, limit_s, [State::Moving, State::Holding], "on the way")
     }
 
     /// Asks for something and waits as long as it is under way; the time it took (s), or how it failed.
-    fn play(&mut self, request: Request, under_way: State, done: State) -> Result<f64, String> {
-        let start = self.time_s;
-        let reply = self.tick(Some(request)).reply;
-        if !matches!(reply, Some(Ok(_))) {
-            return Err(format!("refused: {reply:?}"));
-        }
-        self.until(60.0, |d| d.control.state() != under_way);
-        if self.control.state() == done {
-            Ok(self.time_s - start)
-        } else {
-            Err(format!("{:?} {:?} {:?}", self.control.state(), self.control.fault(), self.events.last()))
+    fn play(&mut self, request: Request, limit_s: f64, states: [State; 2], when: &str) -> Result<f64, String> {
+        let [under_way, done] = states;
+        let start_s = self.time_s;
+        self.ask(request)?;
+        // A new homing forgets why the last one failed; a move begins on a homed rig only, where none has.
+        self.homing_failure = None;
+        self.until(limit_s, |d| d.control.state() != under_way);
+        match (self.control.state(), self.control.fault(), self.homing_failure) {
+            (state, ..) if state == done => Ok(self.time_s - start_s),
+            (.., Some(failure)) => Err(format!("homing failed: {failure}")),
+            (State::Fault, Some(fault), _) => Err(format!("fault {fault} {when}")),
+            (State::EStop, ..) => Err(format!("emergency stop {when}")),
+            (state, ..) => Err(format!("{state} {when}")),
         }
     }
 }

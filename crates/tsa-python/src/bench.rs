@@ -1,197 +1,120 @@
 //! Many emulated rigs in this process: under the firmware's control code ([`Bench`]), or with the motor's speed given ([`Plant`]).
 
-use crate::errors::wrong;
-use crate::{Scene, errors};
+use crate::errors::{in_python, wrong};
+use crate::{Scene, errors, locked};
 use numpy::PyArray3;
+use numpy::ndarray::Array3;
 use pyo3::prelude::*;
 use rig_control::{Controller, DriveReading};
-use rig_link::messages::{Accepted, EventKind, HomingResult, LoadChoice, Refusal, Request, State};
+use rig_link::messages::{Fault, HomingFailure, Limit, LoadChoice, Request, Telemetry};
 use rig_plant::bench::{ControlBench, ControlLaw, ControlTick, MotorSpeed, MotorTick};
 use rig_plant::rig::EmulatedRig;
 use rig_plant::{PlantChange, PlantSettings, RigPreset, Truth};
+use rigctl::export::WORDS;
+use rigctl::session::homing::HomeResult;
+use rigctl::session::motion::{MoveResult, REST_ROWS};
+use rigctl::session::row::{RangeEnd, Row};
 use std::f64::consts::TAU;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::Mutex;
 
 /// Rigs that are worked on between two looks at Python's signals.
 const CHUNK: usize = 32;
-/// Longest start-up (s), longest homing (s), longest move beyond what distance and speed need (s).
-const START_S: f64 = 10.0;
-const HOMING_S: f64 = 60.0;
-const MOVE_SLACK_S: f64 = 60.0;
-/// Ticks at rest over which the end of a move is averaged, as `rigctl move` does.
-const REST_TICKS: u32 = 30;
+/// Time for which a rig is left alone after its homing (s): the tick that ends homing shows no load yet.
+const HOMED_S: f64 = 0.05;
 
-/// The columns of one tick, by their names in Python: numbers, then words.
-const TELEMETRY: [&str; 19] = [
-    "t_s",
-    "target_m",
-    "setpoint_m",
-    "position_m",
-    "twist_rad",
-    "load_n",
-    "load_error_n",
-    "position_error_m",
-    "tr_rad_per_m",
-    "drive_current_a",
-    "drive_speed_rad_per_s",
-    "time_left_s",
-    "twist_scale",
-    "gap_m",
-    "encoder_rad",
-    "supply_v",
-    "true_position_m",
-    "true_twist_rad",
-    "true_load_n",
-];
-const WORDS: [&str; 5] = ["state", "fault", "faults", "limit", "doubts"];
-const SENSED: [&str; 6] = ["t_s", "encoder_rad", "gap_m", "drive_current_a", "drive_speed_rad_per_s", "supply_v"];
-const TRUTH: [&str; 14] = [
-    "t_s",
-    "position_m",
-    "gap_m",
-    "pretwist_gap_m",
-    "gap_speed_m_per_s",
-    "twist_rad",
-    "load_n",
-    "pull_n",
-    "string_torque_nm",
-    "motor_angle_rad",
-    "motor_speed_rad_per_s",
-    "motor_current_a",
-    "motor_energy_j",
-    "driven_rad",
-];
-const HOMED: [&str; 6] = ["duration_s", "load_n", "load_error_n", "friction_n", "zero_error_rad", "reference_gap_m"];
-const MOVED: [&str; 11] = [
-    "target_m",
-    "position_m",
-    "error_m",
-    "true_error_m",
-    "position_error_m",
-    "load_n",
-    "load_error_n",
-    "tr_start_rad_per_m",
-    "tr_end_rad_per_m",
-    "turns",
-    "duration_s",
-];
-
-fn number(value: Option<f32>) -> f64 {
-    value.map_or(f64::NAN, f64::from)
+/// What is not known is not a number in Python.
+fn number<N: Into<f64>>(value: Option<N>) -> f64 {
+    value.map_or(f64::NAN, N::into)
 }
 
-fn truth(t: &Truth) -> [f64; TRUTH.len()] {
-    [
-        t.t_s,
-        t.position_m,
-        t.gap_m,
-        t.pretwist_gap_m,
-        t.gap_speed_m_per_s,
-        t.twist_rad,
-        t.load_n,
-        t.pull_n,
-        t.string_torque_nm,
-        t.motor_angle_rad,
-        t.motor_speed_rad_per_s,
-        t.motor_current_a,
-        t.motor_energy_j,
-        t.driven_rad,
-    ]
+/// Fields of a struct as columns, first those that are always known: a constant with their names, and a function that gives their
+/// numbers.
+macro_rules! columns {
+    ($names:ident, $numbers:ident($of:ty): $($known:ident)* $(, perhaps: $($perhaps:ident)*)?) => {
+        const $names: &[&str] = &[$(stringify!($known)),* $(, $(stringify!($perhaps)),*)?];
+
+        fn $numbers(of: &$of) -> Vec<f64> {
+            vec![$(f64::from(of.$known)),* $(, $(number(of.$perhaps)),*)?]
+        }
+    };
 }
+
+// The tension of one string is left out: what it takes of the pull is computed at power-up only.
+columns!(TELEMETRY, telemetry(Row): t_s drive_current_a drive_speed_rad_per_s, perhaps:
+    target_m setpoint_m position_m twist_rad load_n load_error_n position_error_m tr_rad_per_m time_left_s twist_scale gap_m
+    encoder_rad supply_v true_position_m true_twist_rad true_load_n);
+columns!(TRUTH, truth(Truth):
+    t_s position_m gap_m pretwist_gap_m gap_speed_m_per_s twist_rad load_n pull_n string_torque_nm motor_angle_rad
+    motor_speed_rad_per_s motor_current_a motor_energy_j driven_rad);
+columns!(HOMED, homed(HomeResult): duration_s load_n load_error_n friction_n zero_error_rad reference_gap_m);
+columns!(MOVED, moved(MoveResult):
+    target_m position_m error_m load_n tr_start_rad_per_m tr_end_rad_per_m turns duration_s, perhaps:
+    true_error_m position_error_m load_error_n);
+const SENSED: &[&str] = &["t_s", "encoder_rad", "gap_m", "drive_current_a", "drive_speed_rad_per_s", "supply_v"];
 
 /// What a tick shows, in the order of the columns.
 trait Shows: ControlLaw + Sized {
     const NUMBERS: &'static [&'static str];
-    const WORDS: &'static [&'static str];
+    const WORDS: &'static [&'static str] = &[];
 
-    fn numbers(bench: &ControlBench<Self>, last: &Self::Decision) -> Vec<f64>;
-    fn words(last: &Self::Decision) -> Vec<String>;
+    /// Numbers and words.
+    fn show(bench: &ControlBench<Self>, last: &Self::Decision, truth: &Truth) -> (Vec<f64>, Vec<String>);
+}
+
+/// What the tool would make of a tick.
+fn row(bench: &ControlBench, telemetry: &Telemetry, truth: &Truth) -> Row {
+    let load_at_range_end = telemetry.load_n.and_then(|n| RangeEnd::of(n, bench.control.load_range_n()));
+    let row = Row::new(telemetry.t_us as f64 * 1e-6, telemetry, Some(truth), bench.home_gap_m);
+    Row { load_at_range_end, homing_failure: bench.homing_failure, ..row }
 }
 
 impl Shows for Controller {
-    const NUMBERS: &'static [&'static str] = &TELEMETRY;
+    const NUMBERS: &'static [&'static str] = TELEMETRY;
     const WORDS: &'static [&'static str] = &WORDS;
 
-    fn numbers(bench: &ControlBench, ControlTick { telemetry: t, sensors: s, .. }: &ControlTick) -> Vec<f64> {
-        let truth = bench.truth();
-        vec![
-            t.t_us as f64 * 1e-6,
-            number(t.target_m),
-            number(t.setpoint_m),
-            number(t.position_m),
-            number(t.twist_rad),
-            number(t.load_n),
-            number(t.load_error_n),
-            number(t.position_error_m),
-            number(t.tr_rad_per_m),
-            t.drive_current_a.into(),
-            t.drive_speed_rad_per_s.into(),
-            number(t.time_left_s),
-            number(t.twist_scale),
-            number(s.gap_m),
-            s.shaft_rad.into(),
-            number(s.supply_v),
-            bench.true_position_m(),
-            truth.twist_rad,
-            truth.load_n,
-        ]
-    }
-
-    fn words(ControlTick { telemetry: t, .. }: &ControlTick) -> Vec<String> {
-        let name = |name: Option<&str>| name.unwrap_or_default().to_owned();
-        vec![
-            t.state.name().to_owned(),
-            name(t.fault.map(|fault| fault.name())),
-            t.fault.map_or(String::new(), |_| t.faults.to_string()),
-            name(t.limit.map(|limit| limit.name())),
-            t.doubts.to_string(),
-        ]
+    fn show(bench: &ControlBench, last: &ControlTick, truth: &Truth) -> (Vec<f64>, Vec<String>) {
+        let row = row(bench, &last.telemetry, truth);
+        // In the order of `WORDS`.
+        let words = [
+            Some(row.state.name()),
+            row.fault.map(Fault::name),
+            row.faults.as_deref(),
+            row.limit.map(Limit::name),
+            row.doubts.as_deref(),
+            row.load_at_range_end.map(RangeEnd::name),
+            row.homing_failure.map(HomingFailure::name),
+        ];
+        (telemetry(&row), words.map(|word| word.unwrap_or_default().to_owned()).into())
     }
 }
 
 impl Shows for MotorSpeed {
-    const NUMBERS: &'static [&'static str] = &SENSED;
-    const WORDS: &'static [&'static str] = &[];
+    const NUMBERS: &'static [&'static str] = SENSED;
 
-    fn numbers(bench: &ControlBench<Self>, MotorTick { inputs, .. }: &MotorTick) -> Vec<f64> {
-        let constants = bench.rig.parameters();
-        let (current_a, speed) = match inputs.drive {
-            DriveReading::Reports { current_ma, speed_rpm, .. } => {
-                (1e-3 * f64::from(current_ma), f64::from(speed_rpm) * TAU / 60.0)
-            }
-            _ => (f64::NAN, f64::NAN),
+    fn show(bench: &ControlBench<Self>, last: &MotorTick, _: &Truth) -> (Vec<f64>, Vec<String>) {
+        let (inputs, constants) = (&last.inputs, bench.rig.parameters());
+        let drive = match inputs.drive {
+            DriveReading::Reports { current_ma, speed_rpm, .. } => Some((current_ma, speed_rpm)),
+            _ => None,
         };
-        let gap = |code: f32| constants.lvdt_gap_at_code_zero_m() + constants.lvdt_metres_per_code() * f64::from(code);
-        vec![
+        let gap_m =
+            |code: f32| constants.lvdt_gap_at_code_zero_m() + constants.lvdt_metres_per_code() * f64::from(code);
+        let numbers = vec![
             inputs.now_us as f64 * 1e-6,
             inputs.encoder_counts as f64 / constants.counts_per_rad(),
-            inputs.lvdt.map_or(f64::NAN, |block| gap(block.mean_code)),
-            current_a,
-            speed,
+            number(inputs.lvdt.map(|block| gap_m(block.mean_code))),
+            number(drive.map(|(current_ma, _)| 1e-3 * f64::from(current_ma))),
+            number(drive.map(|(_, speed_rpm)| f64::from(speed_rpm) * TAU / 60.0)),
             number(inputs.supply.map(|supply| supply.volts)),
-        ]
-    }
-
-    fn words(_: &MotorTick) -> Vec<String> {
-        Vec::new()
+        ];
+        (numbers, vec![])
     }
 }
 
-/// Rows of ticks of one rig; words by their place in a list.
-struct Rows {
-    numbers: Vec<f64>,
-    truth: Vec<f64>,
-    codes: Vec<f64>,
-    words: Vec<String>,
-}
-
-/// Names and values of numbers, of the truth, and of words by their place in a list of them.
-type Ticks<'py> = (
-    (Vec<&'static str>, Bound<'py, PyArray3<f64>>),
-    (Vec<&'static str>, Bound<'py, PyArray3<f64>>),
-    (Vec<&'static str>, Bound<'py, PyArray3<f64>>, Vec<String>),
-);
+/// Names of the numbers, of the words and of the truth; their values in this order by rig and tick, words by their place in a list;
+/// and that list.
+type Ticks<'py> = ([&'static [&'static str]; 3], Bound<'py, PyArray3<f64>>, Vec<String>);
 
 /// Names, the values of each rig, and why a rig has none.
 type Results = (Vec<&'static str>, Vec<Vec<f64>>, Vec<String>);
@@ -199,15 +122,11 @@ type Results = (Vec<&'static str>, Vec<Vec<f64>>, Vec<String>);
 /// Emulated rigs, each with why there is none.
 struct Rigs<C: ControlLaw>(Vec<Mutex<Result<Box<ControlBench<C>>, String>>>);
 
-fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
 impl<C: Shows + Clone + Send> Rigs<C>
 where
     C::Decision: Send,
 {
-    /// The rigs of a preset that seeds name, each with further changes, after their first tick.
+    /// The rigs of a preset that seeds name, each with further changes, after their first tick and what follows it.
     fn new(
         py: Python<'_>,
         scene: &rig_config::Scene,
@@ -215,6 +134,7 @@ where
         seeds: &[u64],
         plant: &[String],
         control: impl Fn(&EmulatedRig) -> C + Sync,
+        start: impl Fn(&mut ControlBench<C>) -> Result<(), String> + Sync,
     ) -> PyResult<Self> {
         scene.check_rig().map_err(|e| errors::of_kind("scene", &e.to_string()))?;
         let preset: RigPreset = preset.parse().map_err(|e| wrong(format!("rig: {e}")))?;
@@ -226,9 +146,9 @@ where
             changes.iter().try_for_each(|change| settings.apply(*change)).map_err(|e| e.to_string())?;
             let rig = EmulatedRig::new(scene, settings, seed).map_err(|e| e.to_string())?;
             let control = control(&rig);
-            let mut bench = ControlBench::on(rig, control);
+            let mut bench = Box::new(ControlBench::on(rig, control));
             bench.tick(None);
-            Ok(Box::new(bench))
+            start(&mut bench).map(|()| bench)
         };
         let made = py.detach(|| rigctl::parallel::parallel(&|_, _| {}, seeds.len(), |k| made(seeds[k])));
         Ok(Self(made.into_iter().map(Mutex::new).collect()))
@@ -268,15 +188,15 @@ where
     }
 
     /// Results of all rigs, with the names of their columns.
-    fn results<const N: usize>(
+    fn results(
         &self,
         py: Python<'_>,
-        names: [&'static str; N],
-        f: impl Fn(usize, &mut ControlBench<C>) -> Result<[f64; N], String> + Sync,
+        names: &[&'static str],
+        f: impl Fn(usize, &mut ControlBench<C>) -> Result<Vec<f64>, String> + Sync,
     ) -> PyResult<Results> {
         let rows = self.each(py, f)?.into_iter().map(|row| match row {
-            Ok(values) => (values.to_vec(), String::new()),
-            Err(why) => (vec![f64::NAN; N], why),
+            Ok(values) => (values, String::new()),
+            Err(why) => (vec![f64::NAN; names.len()], in_python(&why)),
         });
         let (values, why) = rows.unzip();
         Ok((names.to_vec(), values, why))
@@ -284,154 +204,54 @@ where
 
     /// Ticks of all rigs; without any, the last one again.
     fn ticks<'py>(&self, py: Python<'py>, ticks: usize) -> PyResult<Ticks<'py>> {
+        let names = [C::NUMBERS, C::WORDS, TRUTH];
+        let (count, width) = (ticks.max(1), names.concat().len());
+        let words = Mutex::new(Vec::new());
+        let place_of = |word: &String| {
+            let mut words = locked(&words);
+            let place = words.iter().position(|known| known == word).unwrap_or_else(|| {
+                words.push(word.clone());
+                words.len() - 1
+            });
+            place as f64
+        };
         let rows = self.each(py, |_, bench| {
-            let (mut rows, mut left) = (Rows { numbers: vec![], truth: vec![], codes: vec![], words: vec![] }, ticks);
-            loop {
-                if left > 0 {
+            let mut values = Vec::with_capacity(count * width);
+            for _ in 0..count {
+                if ticks > 0 {
                     bench.tick(None);
                 }
-                let Some(last) = &bench.last else { return Err("it has not begun".into()) };
-                rows.numbers.extend(C::numbers(bench, last));
-                rows.truth.extend(truth(&bench.truth()));
-                for word in C::words(last) {
-                    let place = rows.words.iter().position(|known| *known == word);
-                    rows.codes.push(place.unwrap_or(rows.words.len()) as f64);
-                    if place.is_none() {
-                        rows.words.push(word);
-                    }
-                }
-                left = left.saturating_sub(1);
-                if left == 0 {
-                    return Ok(rows);
-                }
+                let (last, now) = (bench.last.as_ref().ok_or("it has not begun")?, bench.truth());
+                let (numbers, words) = C::show(bench, last, &now);
+                values.extend(numbers.into_iter().chain(words.iter().map(place_of)).chain(truth(&now)));
             }
+            Ok(values)
         })?;
-        let count = ticks.max(1);
-        let mut words: Vec<String> = vec![String::new()];
-        let (mut numbers, mut truths, mut codes) = (Vec::new(), Vec::new(), Vec::new());
-        for row in rows {
-            let row = row.unwrap_or_else(|_| Rows {
-                numbers: vec![f64::NAN; count * C::NUMBERS.len()],
-                truth: vec![f64::NAN; count * TRUTH.len()],
-                codes: vec![0.0; count * C::WORDS.len()],
-                words: vec![String::new()],
-            });
-            let of_all: Vec<f64> = row
-                .words
-                .into_iter()
-                .map(|word| {
-                    let place = words.iter().position(|known| *known == word).unwrap_or_else(|| {
-                        words.push(word);
-                        words.len() - 1
-                    });
-                    place as f64
-                })
-                .collect();
-            numbers.extend(row.numbers);
-            truths.extend(row.truth);
-            codes.extend(row.codes.into_iter().map(|code| of_all[code as usize]));
-        }
-        let shaped = |values: Vec<f64>, names: &[&'static str]| {
-            let array = numpy::ndarray::Array3::from_shape_vec((self.0.len(), count, names.len()), values);
-            array.map(|array| (names.to_vec(), PyArray3::from_owned_array(py, array))).map_err(errors::broken)
-        };
-        let (names, codes) = shaped(codes, C::WORDS)?;
-        Ok((shaped(numbers, C::NUMBERS)?, shaped(truths, &TRUTH)?, (names, codes, words)))
+        let mut values = Vec::with_capacity(rows.len() * count * width);
+        rows.into_iter().for_each(|row| values.extend(row.unwrap_or_else(|_| vec![f64::NAN; count * width])));
+        let values = Array3::from_shape_vec((self.0.len(), count, width), values).map_err(errors::broken)?;
+        Ok((names, PyArray3::from_owned_array(py, values), locked(&words).clone()))
     }
 }
 
-/// Asks the control code for something in the next tick.
-fn ask(bench: &mut ControlBench, request: Request) -> Result<(), String> {
-    match bench.tick(Some(request)).reply {
-        Some(Ok(Accepted::Started | Accepted::Done | Accepted::Unhomed)) => Ok(()),
-        Some(Err(refusal)) => Err(refused(refusal)),
-        None => Err("the control code gave no answer".into()),
-    }
+fn home(bench: &mut ControlBench, load: LoadChoice) -> Result<Vec<f64>, String> {
+    let duration_s = bench.home_under(load)?;
+    bench.run(HOMED_S);
+    let found = bench.found.ok_or("homing has no result")?;
+    Ok(homed(&HomeResult::new(duration_s, &found, None)))
 }
 
-fn refused(refusal: Refusal) -> String {
-    errors::in_python(&format!("refused: {refusal}"))
-}
-
-/// Why the rig is in another state than it should be in.
-fn instead(bench: &ControlBench, when: &str) -> String {
-    match (bench.control.state(), bench.control.fault()) {
-        (State::Fault, Some(fault)) => format!("fault {fault} {when}"),
-        (State::EStop, _) => format!("emergency stop {when}"),
-        (state, _) => format!("{state} {when}"),
-    }
-}
-
-/// Waits for the drive's start-up.
-fn ready(bench: &mut ControlBench) -> Result<(), String> {
-    let starts = |b: &ControlBench| b.control.state() == State::Boot;
-    if starts(bench) && !bench.until(START_S, |b| !starts(b)) {
-        return Err("the drive does not start: is it powered, is the bus wired?".into());
-    }
-    Ok(())
-}
-
-fn home(bench: &mut ControlBench, load: LoadChoice) -> Result<[f64; HOMED.len()], String> {
-    ready(bench)?;
-    let start_s = bench.time_s();
-    ask(bench, Request::Home { load })?;
-    bench.until(HOMING_S, |b| b.control.state() != State::Homing);
-    let duration_s = bench.time_s() - start_s;
-    let ended = bench
-        .events
-        .iter()
-        .rev()
-        .find(|(t_s, kind)| *t_s > start_s && matches!(kind, EventKind::Homed(_) | EventKind::HomingRefused(_)));
-    // The tick that ends homing shows no load yet.
-    match ended.map(|(_, kind)| *kind) {
-        Some(EventKind::Homed(found)) if bench.control.state() == State::Ready => {
-            bench.run(0.05);
-            let HomingResult { load_n, load_error_n, friction_n, zero_error_rad, reference_gap_m, .. } = found;
-            let [a, b, c, d, e] = [load_n, load_error_n, friction_n, zero_error_rad, reference_gap_m].map(f64::from);
-            Ok([duration_s, a, b, c, d, e])
-        }
-        Some(EventKind::HomingRefused(failure)) => Err(format!("homing failed: {failure}")),
-        _ => Err(instead(bench, "while homing")),
-    }
-}
-
-fn move_to(
-    bench: &mut ControlBench,
-    target_m: f64,
-    speed_m_per_s: f64,
-    load: LoadChoice,
-) -> Result<[f64; MOVED.len()], String> {
-    let Some(before) = bench.last.as_ref().map(|last| last.telemetry) else { return Err("it has not begun".into()) };
-    let start_s = bench.time_s();
-    ask(bench, Request::Move { target_m: target_m as f32, speed_m_per_s: speed_m_per_s as f32, load })?;
-    let distance_m = (target_m - number(before.position_m)).abs();
-    // A heavy load may be slower than requested, because the motor has its own limit.
-    let limit_s = 4.0 * distance_m / speed_m_per_s.abs().clamp(1e-6, 1e-3) + MOVE_SLACK_S;
-    bench.until(limit_s, |b| b.control.state() != State::Moving);
-    if bench.control.state() != State::Holding {
-        return Err(instead(bench, "on the way"));
-    }
-    let duration_s = bench.time_s() - start_s;
-    let (mut sum, mut true_sum, mut after) = (0.0, 0.0, before);
-    for _ in 0..REST_TICKS {
-        after = bench.tick(None).telemetry;
-        sum += number(after.position_m);
-        true_sum += bench.true_position_m();
-    }
-    let position_m = sum / f64::from(REST_TICKS);
-    Ok([
-        target_m,
-        position_m,
-        position_m - target_m,
-        true_sum / f64::from(REST_TICKS) - target_m,
-        number(after.position_error_m),
-        number(after.load_n),
-        number(after.load_error_n),
-        number(before.tr_rad_per_m),
-        number(after.tr_rad_per_m),
-        (number(after.twist_rad) - number(before.twist_rad)) / TAU,
-        duration_s,
-    ])
+fn move_to(bench: &mut ControlBench, target_m: f64, speed_m_per_s: f32, load: LoadChoice) -> Result<Vec<f64>, String> {
+    let before = bench.telemetry().ok_or("it has not begun")?;
+    let duration_s = bench.move_to(target_m as f32, speed_m_per_s, load)?;
+    let rest = (0..REST_ROWS).map(|_| {
+        let tick = bench.tick(None);
+        row(bench, &tick.telemetry, &bench.truth())
+    });
+    let rest: Vec<Row> = rest.collect();
+    MoveResult::at_rest(target_m, &before, &rest, duration_s)
+        .map(|result| moved(&result))
+        .ok_or_else(|| "no rest".into())
 }
 
 /// A load that is given for each rig; one that is not a number is not given.
@@ -449,9 +269,8 @@ impl Bench {
     fn new(py: Python<'_>, scene: &Scene, rig: &str, seeds: Vec<u64>, plant: Vec<String>) -> PyResult<Self> {
         let scene = &scene.0;
         let fit = py.detach(|| scene.fit_table()).map_err(|e| errors::of_kind("scene", &e.to_string()))?;
-        let (table, constants) = (fit.table.table(), scene.constants());
-        let control = Controller::new(&table, constants, None);
-        Rigs::new(py, scene, rig, &seeds, &plant, |_| control.clone()).map(Self)
+        let control = Controller::new(&fit.table.table(), scene.constants(), None);
+        Rigs::new(py, scene, rig, &seeds, &plant, |_| control.clone(), |_| Ok(())).map(Self)
     }
 
     fn copy(&self) -> Self {
@@ -470,27 +289,21 @@ impl Bench {
         self.0.results(py, HOMED, |k, bench| home(bench, load_of(&loads_n, k)))
     }
 
+    /// Moves; without `wait` the moves only begin, which takes one tick.
     fn move_to(
         &self,
         py: Python<'_>,
         targets_m: Vec<f64>,
         speeds_m_per_s: Vec<f64>,
         loads_n: Vec<f64>,
+        wait: bool,
     ) -> PyResult<Results> {
-        self.0.results(py, MOVED, |k, bench| move_to(bench, targets_m[k], speeds_m_per_s[k], load_of(&loads_n, k)))
-    }
-
-    /// Begins moves, which takes one tick.
-    fn begin_move(
-        &self,
-        py: Python<'_>,
-        targets_m: Vec<f64>,
-        speeds_m_per_s: Vec<f64>,
-        loads_n: Vec<f64>,
-    ) -> PyResult<Results> {
-        self.0.results(py, [], |k, bench| {
-            let (target_m, speed_m_per_s) = (targets_m[k] as f32, speeds_m_per_s[k] as f32);
-            ask(bench, Request::Move { target_m, speed_m_per_s, load: load_of(&loads_n, k) }).map(|()| [])
+        self.0.results(py, if wait { MOVED } else { &[] }, |k, bench| {
+            let (target_m, speed_m_per_s, load) = (targets_m[k], speeds_m_per_s[k] as f32, load_of(&loads_n, k));
+            if wait {
+                return move_to(bench, target_m, speed_m_per_s, load);
+            }
+            bench.ask(Request::Move { target_m: target_m as f32, speed_m_per_s, load }).map(|()| vec![])
         })
     }
 }
@@ -504,20 +317,7 @@ impl Plant {
     /// The drives have started.
     #[new]
     fn new(py: Python<'_>, scene: &Scene, rig: &str, seeds: Vec<u64>, plant: Vec<String>) -> PyResult<Self> {
-        let rigs = Rigs::new(py, &scene.0, rig, &seeds, &plant, MotorSpeed::of)?;
-        let reports = |b: &ControlBench<MotorSpeed>| {
-            b.last.as_ref().is_some_and(|last| matches!(last.inputs.drive, DriveReading::Reports { .. }))
-        };
-        let started = rigs.each(py, |_, bench| {
-            let started = bench.until(START_S, reports);
-            started.then_some(()).ok_or_else(|| "the drive does not start: is it powered, is the bus wired?".into())
-        })?;
-        for (rig, started) in rigs.0.iter().zip(started) {
-            if let Err(why) = started {
-                *locked(rig) = Err(why);
-            }
-        }
-        Ok(Self(rigs))
+        Rigs::new(py, &scene.0, rig, &seeds, &plant, MotorSpeed::of, ControlBench::start).map(Self)
     }
 
     fn copy(&self) -> Self {
@@ -530,12 +330,6 @@ impl Plant {
 
     fn ticks<'py>(&self, py: Python<'py>, ticks: usize) -> PyResult<Ticks<'py>> {
         self.0.ticks(py, ticks)
-    }
-
-    /// The scene's current limit (A), and the maximum speed of the motor (rad/s).
-    #[staticmethod]
-    fn limits(scene: &Scene) -> (f64, f64) {
-        (scene.0.rig.drive_current_limit_a, scene.0.rig.motor_speed_max_rad_per_s)
     }
 
     /// What the motors are to do from the next tick on.

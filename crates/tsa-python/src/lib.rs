@@ -4,6 +4,7 @@
 use errors::{broken, of_kind, wrong};
 use numpy::{PyArray2, PyReadonlyArray1};
 use pyo3::prelude::*;
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 mod bench;
 mod errors;
@@ -21,6 +22,11 @@ type Columns<'py> = (Bound<'py, PyArray2<f64>>, Vec<(usize, String)>);
 /// A scene, checked.
 #[pyclass(frozen)]
 struct Scene(rig_config::Scene);
+
+/// What a panic has left is as good as any other state: who locks it next goes on.
+fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
 
 /// What is wrong with a scene.
 fn unfit(error: impl Into<rigctl::failure::Failure>) -> PyErr {

@@ -1,6 +1,7 @@
 //! A conversation with a board, emulated or real.
 
 use crate::errors::{broken, error, of_kind, wrong};
+use crate::locked;
 use crate::tool::printed;
 use pyo3::exceptions::{PyKeyboardInterrupt, PyRuntimeWarning};
 use pyo3::prelude::*;
@@ -56,10 +57,6 @@ fn json(value: &impl serde::Serialize) -> PyResult<String> {
 
 fn load_choice(load_n: Option<f64>) -> LoadChoice {
     load_n.map_or(LoadChoice::Auto, |load_n| LoadChoice::Known(load_n as f32))
-}
-
-fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl Shared {

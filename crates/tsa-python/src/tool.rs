@@ -1,6 +1,7 @@
 //! The commands of `rigctl` that need no rig, in this process.
 
 use crate::errors::{error, wrong};
+use crate::locked;
 use clap::Parser;
 use pyo3::prelude::*;
 use rig_config::Scene;
@@ -15,7 +16,7 @@ use rigctl::output::Output;
 use serde_json::json;
 use std::io::{self, Write};
 use std::path::PathBuf;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 
 /// What a command prints.
 #[derive(Clone, Default)]
@@ -23,7 +24,7 @@ struct Printed(Arc<Mutex<Vec<u8>>>);
 
 impl Write for Printed {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).write(bytes)
+        locked(&self.0).write(bytes)
     }
 
     fn flush(&mut self) -> io::Result<()> {
@@ -37,7 +38,7 @@ pub(crate) fn printed(run: impl FnOnce(&mut Output) -> Result<(), Failure>) -> R
     let mut output = Output::new(true, Box::new(printed.clone()));
     run(&mut output)?;
     output.flush()?;
-    let bytes = std::mem::take(&mut *printed.0.lock().unwrap_or_else(PoisonError::into_inner));
+    let bytes = std::mem::take(&mut *locked(&printed.0));
     Ok(String::from_utf8(bytes)?)
 }
 

@@ -36,8 +36,7 @@ def test_it_homes_and_moves_as_the_emulated_board_does() -> None:
         assert moved["true_error_m"][k] == pytest.approx(moved_board["true_error_m"], abs=30e-6)
         assert moved.keys() - {"error"} == moved_board.keys() - {"off_target", "load_at_range_end"}
         board = rig.telemetry()
-        missing = {"homing_failure", "string_tension_n", "load_at_range_end"}
-        assert set(board) - missing <= set(bench.telemetry())
+        assert set(board) - set(bench.telemetry()) == {"string_tension_n"}
 
 
 def test_ticks_are_arrays_and_a_copy_goes_on_alike() -> None:
@@ -71,6 +70,18 @@ def test_a_rig_that_fails_is_a_row_with_its_error() -> None:
     broken = tsa_rig.Bench(SCENE, "ideal", [1, 2], {"load": "150N"})
     assert broken.error.all() and np.isnan(broken.step(3).truth["gap_m"]).all()
     assert broken.home()["error"].tolist() == broken.error.tolist()
+
+
+def test_telemetry_says_what_homing_found_in_words() -> None:
+    words = {}
+    for load in ("0.07kg", "0.5kg", "2.0kg", "4.0kg"):
+        bench = tsa_rig.Bench(SCENE, "ideal", [1], {"load": load})
+        bench.home()
+        now = bench.telemetry()
+        words[load] = (now["load_at_range_end"][0], now["homing_failure"][0])
+    assert words == {"0.07kg": ("low", ""), "0.5kg": ("", ""), "2.0kg": ("high", ""), "4.0kg": ("", "poor-fit")}
+    assert "load is 500" in bench.home(load_n=500.0)["error"][0]
+    assert bench.telemetry()["homing_failure"][0] == "poor-fit", "no homing has begun since"
 
 
 def test_a_plants_motor_turns_as_it_is_told() -> None:

@@ -127,7 +127,7 @@ fn jog_to(bench: &mut ControlBench, gap_m: f64) -> Result<(), String> {
 }
 
 fn shown_gap_m(bench: &ControlBench) -> Option<f64> {
-    bench.last.as_ref().and_then(|last| last.sensors.gap_m).map(f64::from)
+    bench.last.as_ref().and_then(|last| last.telemetry.gap_m).map(f64::from)
 }
 
 /// Mean of the shown and of the true gap (m) over half a second, after a second for the load to stop oscillating.

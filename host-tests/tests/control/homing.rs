@@ -1,8 +1,9 @@
 //! Homing from any twist under any load, of loads that oscillate or are jammed, and with other gears and signs.
 
 use super::load_error;
-use host_tests::ControlBench;
+use host_tests::{ControlBench, table};
 use rand::{RngExt, SeedableRng};
+use rig_control::Controller;
 use rig_link::messages::{LoadChoice, Setting, State};
 use std::f64::consts::{PI, TAU};
 
@@ -67,7 +68,7 @@ fn a_jammed_load_is_not_homed() {
     for (load, twist) in [("0.1kg", "60"), ("0.1kg", "-60"), ("0.5kg", "71"), ("1.5kg", "40"), ("1.5kg", "-20")] {
         let mut d = ControlBench::new(&[("load", load), ("friction", "100"), ("twist_at_boot", twist)], 4);
         let error = d.home().expect_err("it cannot move");
-        assert!(error.contains("NoPretwist"), "{load} {twist}: {error}");
+        assert!(error.contains("no-pretwist"), "{load} {twist}: {error}");
         let pull_n = d.truth().pull_n;
         assert!(pull_n < d.truth().load_n + 3.5, "{load} {twist}: {pull_n} N");
     }
@@ -97,7 +98,8 @@ fn homes_and_moves_with_other_gears_encoders_and_signs() {
         scene.validate().unwrap_or_else(|e| panic!("{gear:?}, {lines} lines: {e}"));
         let of = format!("gear {gear:?}, {lines} lines, sign {sign}");
         let twist = if sign < 0.0 { "-20" } else { "9" };
-        let mut d = ControlBench::of(&scene, &[("load", "0.5kg"), ("twist_at_boot", twist)], 3);
+        let control = Controller::new(table(), scene.constants(), None);
+        let mut d = ControlBench::with(&scene, control, &[("load", "0.5kg"), ("twist_at_boot", twist)], 3);
         d.control.set_up(&rig_control::settings::defaults(&scene.constants()).with(Setting::TwistSign, sign));
         let seconds = d.home().unwrap_or_else(|e| panic!("{of}: {e}"));
         let load = f64::from(d.control.homed().expect("homed").found.load_n) / d.truth().load_n - 1.0;

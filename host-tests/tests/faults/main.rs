@@ -7,7 +7,7 @@ mod page;
 mod pairs;
 
 use cases::*;
-use host_tests::{ControlBench, constants, table};
+use host_tests::{ControlBench, constants, scene, table};
 use rig_control::supervisor::fault_policy::{After, Response, policy};
 use rig_control::{Controller, DriveCommand};
 use rig_link::messages::{Doubt, EventKind, Fault, Limit, Parameter, Refusal, Request, State};
@@ -74,8 +74,8 @@ fn each_fault_fires_and_stays_and_after_clear_nothing_moves_and_what_lost_the_po
 #[test]
 fn a_start_that_was_no_power_up_waits_for_the_operator() {
     for fault in [Fault::WatchdogReset, Fault::UnexpectedReset, Fault::Panicked, Fault::SettingsCorrupt] {
-        let mut d =
-            ControlBench::with(Controller::new(table(), constants(), Some(fault)), &[("twist_at_boot", "20")], 3);
+        let control = Controller::new(table(), constants(), Some(fault));
+        let mut d = ControlBench::with(scene(), control, &[("twist_at_boot", "20")], 3);
         d.run(5.0);
         assert_eq!((d.control.state(), d.control.fault()), (State::Fault, Some(fault)));
         assert_eq!(d.last.as_ref().unwrap().drive, DriveCommand::Silence);
@@ -162,7 +162,7 @@ fn a_shaft_that_is_stopped_from_a_fast_move_is_held() {
 fn an_encoder_that_counts_no_number_stops_the_rig() {
     let mut bad = constants();
     bad.counts_per_rad = 0.0;
-    let mut d = ControlBench::with(Controller::new(table(), bad, None), &[], 1);
+    let mut d = ControlBench::with(scene(), Controller::new(table(), bad, None), &[], 1);
     d.run(0.1);
     assert_eq!(d.control.fault(), Some(Fault::NotFinite));
     assert_eq!(d.last.as_ref().unwrap().drive, DriveCommand::Voltage { pwm: 0 });

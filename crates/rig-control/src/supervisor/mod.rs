@@ -201,6 +201,12 @@ impl Controller {
         self.tracking.as_ref().map(|tracking| &tracking.homed)
     }
 
+    /// Minimum and maximum load (N) that the table covers.
+    pub fn load_range_n(&self) -> [f32; 2] {
+        let m = self.table.metadata();
+        [m.load_min_n, m.load_max_n]
+    }
+
     /// Control ticks that came late since boot.
     pub fn late_ticks(&self) -> u32 {
         self.guard.timing.late_ticks

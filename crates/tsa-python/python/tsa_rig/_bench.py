@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -31,11 +32,13 @@ class Trace:
 
 
 def _unpacked(ticks: _core.Ticks) -> Trace:
-    (names, values), (true_names, truth), (word_names, codes, words) = ticks
-    telemetry: Columns = {name: values[:, :, k] for k, name in enumerate(names)}
-    known = np.array(words, dtype=np.str_)
-    telemetry |= {name: known[codes[:, :, k].astype(int)] for k, name in enumerate(word_names)}
-    return Trace(telemetry, {name: truth[:, :, k] for k, name in enumerate(true_names)})
+    (numbers, words, truth), values, known = ticks
+    columns = iter(np.moveaxis(values, 2, 0))
+    telemetry: Columns = {name: next(columns) for name in numbers}
+    # A rig that has failed has no places of words: -1 is the end of the list.
+    spelled = np.array([*known, ""], dtype=np.str_)
+    telemetry |= {name: spelled[np.nan_to_num(next(columns), nan=-1.0).astype(int)] for name in words}
+    return Trace(telemetry, {name: next(columns) for name in truth})
 
 
 def _now(columns: Columns) -> Columns:
@@ -139,14 +142,13 @@ class Bench(_Rigs):
         the moves only begin, in one tick, and the answer has `error` alone: `step` follows them.
         """
         names = (("target_m", target_m), ("speed", speed), ("load_n", load_n))
-        arguments = [self._spread(name, values) for name, values in names]
-        return _results((self._core.move_to if wait else self._core.begin_move)(*arguments))
+        targets_m, speeds_m_per_s, loads_n = (self._spread(name, values) for name, values in names)
+        return _results(self._core.move_to(targets_m, speeds_m_per_s, loads_n, wait))
 
     def step(self, ticks: int = 1) -> Trace:
         """Lets ticks of 10 ms pass on all rigs: telemetry and truth as arrays of shape (rigs, ticks).
 
-        Keys of the telemetry are those of `Rig.telemetry` without `homing_failure`, `load_at_range_end` and
-        `string_tension_n`.
+        Keys of the telemetry are those of `Rig.telemetry` without `string_tension_n`.
         """
         return _unpacked(self._core.ticks(_count(ticks)))
 
@@ -173,7 +175,8 @@ class Plant(_Rigs):
         core, drawn, changes = _arguments(scene, seeds, plant)
         self.seeds = np.array(drawn, dtype=np.uint64)
         self._core: _core.Plant = _core.Plant(core, rig, drawn, changes)
-        self._limits: tuple[float, float] = _core.Plant.limits(core)
+        keys = json.loads(core.json())["rig"]
+        self._limits: tuple[float, float] = keys["drive_current_limit_a"], keys["motor_speed_max_rad_per_s"]
 
     @property
     def current_limit_a(self) -> float:
