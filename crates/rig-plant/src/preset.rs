@@ -3,10 +3,12 @@
 //! Each key draws from a stream of its own, so that a key that is added later does not change the others.
 
 use crate::plant::{Draw, PlantChange, PlantKey, PlantSettings};
+use serde::Serialize;
 use std::fmt;
 
 /// A kind of rig.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
 pub enum RigPreset {
     /// The rig of its own model: every plant key has its default.
     Ideal,

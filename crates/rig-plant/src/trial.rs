@@ -84,7 +84,6 @@ impl Stated {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Trial {
     /// Kind of rig.
-    #[serde(serialize_with = "as_name")]
     pub kind: RigPreset,
     /// Of everything that is drawn.
     pub seed: u64,
@@ -96,10 +95,6 @@ pub struct Trial {
     pub twist_rad: f64,
     /// Target of the first move (m).
     pub place_m: f64,
-}
-
-fn as_name<S: serde::Serializer>(kind: &RigPreset, serializer: S) -> Result<S::Ok, S::Error> {
-    serializer.serialize_str(kind.name())
 }
 
 impl Trial {
@@ -189,7 +184,7 @@ fn hang(bench: &mut ControlBench, load_n: f64) -> Result<(), String> {
 }
 
 fn look(bench: &ControlBench, moment: Moment, stated: &mut Vec<Stated>) {
-    let Some(telemetry) = bench.last.as_ref().map(|last| last.telemetry) else { return };
+    let Some(telemetry) = bench.telemetry() else { return };
     stated.push(Stated {
         moment,
         true_load_n: bench.truth().load_n,
