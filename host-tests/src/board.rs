@@ -4,8 +4,8 @@ use crate::{root, scene};
 use rig_config::{DriveTransport, Scene};
 use rig_emulator::machine::{Config, Machine};
 use rig_link::messages::{
-    EventKind, Identity, Kept, Message, Refusal, Request, Sensors, SettingsReport, State, TablePart, TableRefusal,
-    Telemetry,
+    EventKind, HomingResult, Identity, Kept, Message, Refusal, Request, Sensors, SettingsReport, State, TablePart,
+    TableRefusal, Telemetry,
 };
 use rig_link::{Accepted, Decoder, Versions, encode};
 use rig_plant::board::Stimulus;
@@ -81,6 +81,8 @@ pub struct Bench {
     pub settings: Option<SettingsReport>,
     /// Newest answer to `ReadSensors`.
     pub sensors: Option<Sensors>,
+    /// What the last homing found.
+    pub found: Option<HomingResult>,
     /// True gap when homing ended (m).
     pub home_gap_m: Option<f64>,
     /// Whether heartbeats go out.
@@ -128,6 +130,7 @@ impl Bench {
             identity: None,
             settings: None,
             sensors: None,
+            found: None,
             home_gap_m: None,
             heartbeat: true,
             frames: 0,
@@ -194,8 +197,8 @@ impl Bench {
                 Message::Settings(report) => self.settings = Some(report),
                 Message::Sensors(sensors) => self.sensors = Some(sensors),
                 Message::Event { kind, .. } => {
-                    if matches!(kind, EventKind::Homed { .. }) {
-                        self.home_gap_m = Some(self.machine.board().truth().gap_m);
+                    if let EventKind::Homed(found) = kind {
+                        (self.found, self.home_gap_m) = (Some(found), Some(self.machine.board().truth().gap_m));
                     }
                     self.events.push(kind);
                 }
@@ -318,15 +321,27 @@ impl Bench {
         assert!(self.until(5.0, |b| b.state() == State::Unhomed), "{:?}", self.last);
     }
 
+    /// Greets after a start and waits for the drive.
+    pub fn ready(&mut self) {
+        self.greet();
+        assert!(self.until(6.0, |b| b.state() == State::Unhomed), "{:?} {:?}", self.last, self.events);
+    }
+
     /// Greets, waits for the drive, homes; homing time (s).
     pub fn home(&mut self) -> f64 {
-        self.greet();
-        assert!(self.until(5.0, |b| b.state() == State::Unhomed), "{:?}", self.last);
-        let start = self.machine.now_s();
-        self.ask(&Request::HOME).expect("idle");
-        assert!(self.until(60.0, |b| b.state() != State::Homing), "homing did not end");
-        assert_eq!(self.state(), State::Ready, "{:?}", self.events);
-        self.machine.now_s() - start
+        self.ready();
+        self.home_at_rest(&Request::HOME, "after the start")
+    }
+
+    /// Homes a rig that is at rest, with a request for it; homing time (s). `when` is part of the message where it fails.
+    pub fn home_at_rest(&mut self, request: &Request, when: &str) -> f64 {
+        let (start_s, truth) = (self.machine.now_s(), self.machine.board().truth());
+        let what = format!("{when}, homed from {start_s:.2} s on, {truth:?}");
+        self.ask(request).unwrap_or_else(|e| panic!("{what}: {e}"));
+        assert!(self.until(60.0, |b| b.state() != State::Homing), "homing did not end {what}");
+        let now_s = self.machine.now_s();
+        assert_eq!(self.state(), State::Ready, "{what}, until {now_s:.2} s: {:?}", self.events.last());
+        now_s - start_s
     }
 
     /// True position since homing (m).

@@ -71,9 +71,8 @@ fn go(bench: &mut ControlBench, target_m: f32, step: Option<(u32, f64)>, what: S
     bench.run(REST_S);
     let before_rad = bench.truth().twist_rad;
     let request = Request::Move { target_m, speed_m_per_s: SPEED_MAX_M_PER_S, load: LoadChoice::Auto };
-    let reply = bench.tick(Some(request)).reply;
-    if !matches!(reply, Some(Ok(_))) {
-        return Outcome::failed(what, format!("refused: {reply:?}"));
+    if let Err(why) = bench.ask(request) {
+        return Outcome::failed(what, why);
     }
     let (mut errors_m, mut shown_m) = (Vec::new(), Vec::new());
     let mut watch = |bench: &mut ControlBench, limit_s: f64, while_it_moves: bool| {

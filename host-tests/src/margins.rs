@@ -87,10 +87,9 @@ pub fn oscillation_m(mut bench: ControlBench, load_kg: f64, kept: f64, loosened:
     hang(&mut bench, kept * load_kg)?;
     bench.run(CALM_AFTER_S);
     let mut range_m = [f64::INFINITY, f64::NEG_INFINITY];
-    bench.until(WATCHED_S, |bench| {
+    bench.watch(WATCHED_S, |bench| {
         let position_m = bench.true_position_m();
         range_m = [range_m[0].min(position_m), range_m[1].max(position_m)];
-        false
     });
     if bench.control.state() != State::Holding {
         return Err(format!("{}: {}", bench.control.state(), bench.control.faults()));

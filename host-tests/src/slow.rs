@@ -57,9 +57,7 @@ fn evenness(speeds: &[f64], wanted: f64) -> Option<Evenness> {
 fn way(bench: &mut ControlBench, to_m: f32, speed_m_per_s: f32) -> Option<Evenness> {
     bench.run(REST_S);
     let request = Request::Move { target_m: to_m, speed_m_per_s, load: LoadChoice::Auto };
-    if !matches!(bench.tick(Some(request)).reply, Some(Ok(_))) {
-        return None;
-    }
+    bench.ask(request).ok()?;
     let inner_m = [f64::from(ENDS_M[0]) + LEFT_OUT_M, f64::from(ENDS_M[1]) - LEFT_OUT_M];
     let (mut speeds, mut before_m) = (Vec::new(), bench.true_position_m());
     bench.until(60.0, |bench| {

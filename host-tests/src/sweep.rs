@@ -3,7 +3,7 @@
 
 use crate::board::Bench;
 use crate::{ControlBench, scene};
-use rig_link::messages::{EventKind, HomingResult, Request, State, Telemetry};
+use rig_link::messages::{HomingResult, Request, State, Telemetry};
 use rigctl::identify::compete::Candidate;
 use rigctl::identify::data::Data;
 use rigctl::identify::{Identified, identify, plausible};
@@ -29,26 +29,15 @@ pub trait Swept {
     /// # Errors
     /// The request's refusal, in words.
     fn tick(&mut self, request: Option<Request>) -> Result<(f64, Option<Telemetry>), String>;
-
-    /// What the last homing found.
-    fn homed(&self) -> Option<HomingResult>;
-}
-
-fn last_homing<'e>(events: impl DoubleEndedIterator<Item = &'e EventKind>) -> Option<HomingResult> {
-    events.rev().find_map(|event| if let EventKind::Homed(found) = event { Some(*found) } else { None })
 }
 
 impl Swept for ControlBench {
     fn tick(&mut self, request: Option<Request>) -> Result<(f64, Option<Telemetry>), String> {
-        let (asked, out) = (request.is_some(), ControlBench::tick(self, request));
-        if asked && !matches!(out.reply, Some(Ok(_))) {
-            return Err(format!("refused: {:?}", out.reply));
+        match request {
+            Some(request) => self.ask(request)?,
+            None => _ = ControlBench::tick(self, None),
         }
-        Ok((self.time_s(), Some(out.telemetry)))
-    }
-
-    fn homed(&self) -> Option<HomingResult> {
-        last_homing(self.events.iter().map(|(_, event)| event))
+        Ok((self.time_s(), self.telemetry()))
     }
 }
 
@@ -64,21 +53,16 @@ impl Swept for Bench {
         }
         Ok((self.machine.now_s(), self.last))
     }
-
-    fn homed(&self) -> Option<HomingResult> {
-        last_homing(self.events.iter())
-    }
 }
 
-/// One sweep of a homed rig under a known load (N) over so many turns, by its equilibria.
+/// One sweep of a rig that was homed with a result, under a known load (N) over so many turns, by its equilibria.
 ///
 /// # Errors
 /// In words.
-pub fn swept(rig: &mut impl Swept, load_n: f64, turns: f64) -> Result<Sweep, String> {
-    let homed = rig.homed().ok_or("not homed")?;
+pub fn swept(rig: &mut impl Swept, homed: &HomingResult, load_n: f64, turns: f64) -> Result<Sweep, String> {
     let mut log = Log { header: Header::default(), ..Log::default() };
     log.header.add("sweep.load_n", load_n);
-    log.marks.push(Marked { row: 0, t_s: 0.0, mark: Mark::Homed(homed) });
+    log.marks.push(Marked { row: 0, t_s: 0.0, mark: Mark::Homed(*homed) });
     let (bottom, top) = (PI, PI + TAU * turns);
     for ends in [[bottom, top], [top, bottom]] {
         record(rig, &mut log, REST_S, |_| false);

@@ -4,7 +4,7 @@ use host_tests::board::{Bench, selftest};
 use rig_emulator::jumpers::{self, Broken, End, Ends, Jumper, JumperBoard};
 use rig_emulator::machine::{Config, Machine, ResetCause};
 use rig_emulator::soc::can::Line;
-use rig_link::messages::{Request, Setting, State};
+use rig_link::messages::{Request, Setting};
 
 /// Sectors 1 to 3 (src/flash_store.rs).
 const STORE: std::ops::Range<usize> = 0x4000..0x1_0000;
@@ -230,8 +230,7 @@ fn a_reset_with_another_cause_than_the_test_s_own_is_named() {
 fn settings_that_a_user_has_kept_stay_and_the_test_can_be_run_again() {
     let set = Request::SetSetting { setting: Setting::SpeedMax, value: 0.003 };
     let mut bench = Bench::new(&[], 1);
-    bench.greet();
-    assert!(bench.until(5.0, |b| b.state() == State::Unhomed));
+    bench.ready();
     bench.set(&set).unwrap();
     let mut flash = bench.machine.flash_image();
     for _ in 0..2 {

@@ -158,12 +158,7 @@ impl<R: Rng> Run<'_, R> {
         self.board.run(0.5);
         let turned_rad = (self.twist_rad() - before_rad).abs();
         assert!(turned_rad < STANDS_RAD, "{when} the shaft turns by {turned_rad} rad");
-        let b = &mut *self.board;
-        let (began_s, truth) = (b.machine.now_s(), b.machine.board().truth());
-        let what = format!("{when}, homed from {began_s:.2} s on, {truth:?}");
-        b.ask(request).unwrap_or_else(|e| panic!("{what}: {e}"));
-        assert!(b.until(60.0, |b| b.state() != State::Homing), "homing did not end {what}");
-        assert_eq!(b.state(), State::Ready, "{what}, until {:.2} s: {:?}", b.machine.now_s(), b.events.last());
+        self.board.home_at_rest(request, when);
         self.homings += 1;
     }
 
@@ -171,9 +166,7 @@ impl<R: Rng> Run<'_, R> {
     fn restart(&mut self) {
         self.board.power_cycle();
         self.restarts += 1;
-        self.board.greet();
-        let waits = |b: &Bench| b.state() == State::Unhomed;
-        assert!(self.board.until(5.0, waits), "after a power failure: {:?}", self.board.last);
+        self.board.ready();
         self.home(&Request::HOME, "after a power failure");
     }
 
@@ -266,7 +259,8 @@ impl<R: Rng> Run<'_, R> {
             self.lay_on(load_kg);
             let load_n = load_kg * STANDARD_GRAVITY;
             self.home(&Request::Home { load: LoadChoice::Known(load_n as f32) }, "for a sweep");
-            let sweep = swept(&mut *self.board, load_n, SWEEP_TURNS);
+            let homed = self.board.found.expect("homed");
+            let sweep = swept(&mut *self.board, &homed, load_n, SWEEP_TURNS);
             (format!("{load_kg} kg"), sweep.unwrap_or_else(|why| panic!("sweep under {load_kg} kg: {why}")))
         };
         let sweeps: Vec<_> = SWEEP_LOADS_KG.into_iter().map(sweep).collect();

@@ -3,7 +3,6 @@
 
 use super::floor::{Check, Finding};
 use super::subject::Subject;
-use super::trial::not_homed;
 use crate::sweep::{SPEED_RAD_PER_S, identified, swept};
 use crate::{ControlBench, constants, scene, table};
 use rand::{RngExt, SeedableRng};
@@ -97,9 +96,7 @@ pub fn calibrate(subject: &Subject) -> Result<SettingValues, String> {
     for (load_kg, count, distance_m) in CALIBRATION {
         let rig = subject.switched_on_at(load_kg * STANDARD_GRAVITY, PI).map_err(|e| e.to_string())?;
         let mut bench = ControlBench::on(rig, firmware.boot());
-        if !bench.until(10.0, |bench| bench.control.state() == State::Unhomed) {
-            return Err(format!("not ready: {}", bench.control.faults()));
-        }
+        bench.ready()?;
         let (from_m, _) = mean_gap(&mut bench)?;
         for k in 0..count {
             if k > 0 {
@@ -127,20 +124,19 @@ fn jog_to(bench: &mut ControlBench, gap_m: f64) -> Result<(), String> {
 }
 
 fn shown_gap_m(bench: &ControlBench) -> Option<f64> {
-    bench.last.as_ref().and_then(|last| last.telemetry.gap_m).map(f64::from)
+    bench.telemetry()?.gap_m.map(f64::from)
 }
 
 /// Mean of the shown and of the true gap (m) over half a second, after a second for the load to stop oscillating.
 fn mean_gap(bench: &mut ControlBench) -> Result<(f64, f64), String> {
     bench.run(1.0);
     let (mut shown_m, mut true_m, mut count) = (0.0, 0.0, 0.0);
-    bench.until(0.5, |bench| {
+    bench.watch(0.5, |bench| {
         if let Some(gap_m) = shown_gap_m(bench) {
             shown_m += gap_m;
             true_m += bench.truth().gap_m;
             count += 1.0;
         }
-        false
     });
     if count > 0.0 { Ok((shown_m / count, true_m / count)) } else { Err("the sensor shows no gap".into()) }
 }
@@ -207,8 +203,9 @@ fn sweep(subject: &Subject, firmware: &Firmware, load_kg: f64, turns: u8) -> Res
     let load_n = load_kg * STANDARD_GRAVITY;
     let rig = subject.switched_on_at(load_n, 1.0 + TAU * f64::from(turns)).map_err(|e| e.to_string())?;
     let mut bench = ControlBench::on(rig, firmware.boot());
-    bench.home_under(LoadChoice::Known(load_n as f32)).map_err(|why| not_homed(&bench, &why))?;
-    swept(&mut bench, load_n, TURNS)
+    bench.home_under(LoadChoice::Known(load_n as f32))?;
+    let homed = bench.found.ok_or("homing has no result")?;
+    swept(&mut bench, &homed, load_n, TURNS)
 }
 
 /// Rms error of contractions under loads between those of the sweeps, as shares of the rig's true ones; none if the law has

@@ -7,7 +7,7 @@ use crate::ControlBench;
 use crate::compare::play::Record;
 use crate::compare::score::{Score, Summary};
 use rig_control::TICK_S;
-use rig_link::messages::{EventKind, LoadChoice, Request, State};
+use rig_link::messages::{LoadChoice, Request, State};
 use rig_plant::units::STANDARD_GRAVITY;
 
 /// Where the load rests and is changed (m), how fast it goes there (m/s), and how long it rests (s).
@@ -39,20 +39,6 @@ const ASKED: [Check; 8] = [
     Check::FollowRms,
     Check::FollowMax,
 ];
-
-/// Why all other checks of a boot have no value.
-const NOT_HOMED: &str = "not homed";
-
-/// By what name homing was refused.
-pub fn not_homed(bench: &ControlBench, why: &str) -> String {
-    let refused = bench.events.iter().rev().find_map(|(_, event)| match event {
-        EventKind::HomingRefused(failure) => Some(failure.to_string()),
-        _ => None,
-    });
-    let fault = || bench.control.fault().map(|fault| fault.to_string());
-    let named = refused.or_else(fault).unwrap_or_else(|| format!("without a name: {why}"));
-    format!("homing refused: {named}")
-}
 
 /// The findings where nothing could be tried, and why.
 fn nothing(load_kg: f64, why: &str) -> Vec<Finding> {
@@ -94,9 +80,8 @@ impl Trial {
 
     fn run(&mut self, other_kg: f64) -> Option<Vec<Record>> {
         if let Err(why) = self.bench.home() {
-            let named = not_homed(&self.bench, &why);
-            self.found(Check::Zero, None, &named);
-            let rest = nothing(self.load_kg, NOT_HOMED);
+            self.found(Check::Zero, None, &why);
+            let rest = nothing(self.load_kg, "not homed");
             self.findings.extend(rest.into_iter().filter(|finding| finding.check != Check::Zero));
             return None;
         }
@@ -125,7 +110,7 @@ impl Trial {
     }
 
     fn homed(&mut self) {
-        let told = self.bench.last.as_ref().and_then(|last| last.telemetry.twist_rad);
+        let told = self.bench.telemetry().and_then(|t| t.twist_rad);
         let zero_error = told.map(|told| f64::from(told) - self.bench.truth().twist_rad.abs());
         self.found(Check::Zero, zero_error, "");
         // The tick that ended homing shows no load yet.
@@ -136,8 +121,8 @@ impl Trial {
     /// The load as told now.
     fn load(&mut self, check: Check, when: &str) {
         let true_n = self.bench.truth().load_n;
-        let told = self.bench.last.as_ref().map(|last| last.telemetry);
-        let error_n = told.and_then(|t| t.load_n).map(|reported_n| f64::from(reported_n) - true_n);
+        let told = self.bench.telemetry().and_then(|t| t.load_n);
+        let error_n = told.map(|reported_n| f64::from(reported_n) - true_n);
         let why = if error_n.is_none() { format!("{when}: no load is told") } else { when.to_owned() };
         self.found(check, error_n.map(|error_n| error_n / true_n), &why);
         self.stated(when);
@@ -145,7 +130,7 @@ impl Trial {
 
     /// Whether the errors that the board states now cover the true ones.
     fn stated(&mut self, when: &str) {
-        let Some(t) = self.bench.last.as_ref().map(|last| last.telemetry) else { return };
+        let Some(t) = self.bench.telemetry() else { return };
         let true_n = self.bench.truth().load_n;
         if let (Some(reported_n), Some(stated_n)) = (t.load_n, t.load_error_n) {
             let (error_n, stated_n) = ((f64::from(reported_n) - true_n).abs(), f64::from(stated_n));
@@ -182,10 +167,7 @@ impl Trial {
     fn recover(&mut self) -> f64 {
         let gap_m = self.bench.truth().gap_m;
         let mut sank_m = 0.0f64;
-        self.bench.until(WATCHED_S, |bench| {
-            sank_m = sank_m.max(bench.truth().gap_m - gap_m);
-            false
-        });
+        self.bench.watch(WATCHED_S, |bench| sank_m = sank_m.max(bench.truth().gap_m - gap_m));
         let end_s = self.bench.time_s() + CLEARED_S;
         while self.bench.control.state() == State::Fault && self.bench.time_s() < end_s {
             self.bench.tick(Some(Request::Clear));
@@ -200,14 +182,9 @@ impl Trial {
 
     fn begin(&mut self, target_m: f32) -> Result<(), String> {
         let request = Request::Move { target_m, speed_m_per_s: SPEED_M_PER_S, load: LoadChoice::Auto };
-        match self.bench.tick(Some(request)).reply {
-            Some(Ok(_)) => {
-                self.moves += 1;
-                Ok(())
-            }
-            Some(Err(refusal)) => Err(format!("move to {:.0} mm refused: {refusal}", target_m * 1e3)),
-            None => Err(format!("move to {:.0} mm: no answer", target_m * 1e3)),
-        }
+        self.bench.ask(request).map_err(|why| format!("move to {:.0} mm: {why}", target_m * 1e3))?;
+        self.moves += 1;
+        Ok(())
     }
 
     fn go(&mut self, target_m: f32) -> Result<(), String> {
@@ -221,7 +198,7 @@ impl Trial {
         let (mut measured_m, mut twists) = (Vec::new(), Vec::new());
         let mut truly_m = 0.0f64;
         let left = self.bench.until(REST_S, |bench| {
-            if let Some(t) = bench.last.as_ref().map(|last| last.telemetry) {
+            if let Some(t) = bench.telemetry() {
                 measured_m.extend(t.position_m.map(|position_m| f64::from(position_m) - target_m));
                 twists.extend(t.twist_rad.map(f64::from));
             }
@@ -259,7 +236,7 @@ impl Trial {
         self.begin(target_m)?;
         let mut record = Record { ends_m: [from_m, target_m.into()], ..Record::default() };
         self.bench.until(60.0, |bench| {
-            if let Some(set_point_m) = bench.last.as_ref().and_then(|last| last.telemetry.setpoint_m) {
+            if let Some(set_point_m) = bench.telemetry().and_then(|t| t.setpoint_m) {
                 record.set_points_m.push(set_point_m);
                 record.positions_m.push(bench.true_position_m());
             }

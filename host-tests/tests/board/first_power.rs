@@ -1,7 +1,7 @@
 //! What a real board meets on its first day and a kind emulated one does not show: wires that are not there, a debugger
 //! that no longer reads, clocks that are missing.
 
-use super::{STORE, fault, identity, set, standing, stands};
+use super::{STORE, fault, identity, set, standing};
 use host_tests::board::{Bench, firmware};
 use rig_emulator::machine::{Config, ResetCause};
 use rig_emulator::soc::can::Line;
@@ -55,7 +55,7 @@ fn without_a_transceiver_the_board_joins_the_bus_and_hears_nobody() {
 fn a_log_that_nobody_reads_stops_nothing() {
     let mut b = Bench::new(&[], 2);
     b.machine.stall_rtt(true);
-    stands(&mut b);
+    b.ready();
     b.prove();
     // A line every 40 ms: more than the buffer holds.
     b.machine.soc_mut().stall_adc(true);
@@ -200,6 +200,6 @@ fn a_clock_that_comes_late_is_waited_for() {
     b.machine.soc_mut().hse_late = true;
     b.machine.power_cycle();
     b.run(0.5);
-    stands(&mut b);
+    b.ready();
     assert_eq!(identity(&mut b).clock, Clock::Hse);
 }

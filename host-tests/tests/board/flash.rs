@@ -1,6 +1,6 @@
 //! Damage to what the board keeps in flash: the table in its image, and its settings.
 
-use super::{STORE, fault, set, standing, stands, with_flash};
+use super::{STORE, fault, set, standing, with_flash};
 use host_tests::board::{Bench, firmware};
 use host_tests::{scene, table};
 use rig_emulator::flash_file::FlashFile;
@@ -16,7 +16,7 @@ fn a_file_that_another_board_has_written_is_not_written_over() {
     let [mut a, mut b] = [1, 2].map(|seed| Bench::new(&[], seed));
     let [mut of_a, mut of_b] = [&mut a, &mut b].map(|bench| FlashFile::open(&path, &mut bench.machine).unwrap());
     for (bench, value) in [(&mut a, 0.003), (&mut b, 0.004)] {
-        stands(bench);
+        bench.ready();
         bench.set(&set(Setting::SpeedMax, value)).unwrap();
     }
     of_a.follow(&a.machine).unwrap();
@@ -229,7 +229,7 @@ fn a_power_cut_leaves_the_old_values_or_the_new_ones() {
 #[test]
 fn sectors_that_are_full_are_erased_while_it_holds() {
     let mut b = Bench::on(&firmware(), scene(), Config { slow_flash: true, ..Config::default() }, &[], 6);
-    stands(&mut b);
+    b.ready();
     // Each record holds the points of a calibration, so that fewer fill a sector.
     let points: Vec<[f32; 2]> = (0..11u8).map(|k| [0.08 + 2e-3 * f32::from(k), 0.0]).collect();
     let defaults = b.settings().defaults;

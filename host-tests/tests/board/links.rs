@@ -1,7 +1,7 @@
 //! Host link and the drive's lines: noise, strangers, another tool, stops and repeated requests; and the drive on the serial
 //! line, whose framing is assumed: what is tested is that a line without checksums does no harm.
 
-use super::{JOG, counters, fault, noise, standing, stands};
+use super::{JOG, counters, fault, noise, standing};
 use host_tests::board::{Bench, HELLO};
 use rig_link::messages::{Fault, Refusal, Request, ResetCause, State};
 use rig_link::{PROTOCOL_HASH, Versions};
@@ -116,7 +116,7 @@ fn a_request_that_comes_once_more_is_not_carried_out_again() {
 #[test]
 fn noise_on_the_line_moves_nothing_and_reports_are_still_heard() {
     let mut b = Bench::over_uart(&[], 3);
-    stands(&mut b);
+    b.ready();
     b.prove();
     let before = b.machine.board().truth().twist_rad;
     let mut x = 0x2545_f491;
@@ -147,7 +147,7 @@ fn over_the_serial_line_a_drive_that_is_not_heard_is_a_fault() {
     for (cause, ends) in [(RigFault::CanSilent, true), (RigFault::DriveReset, false)] {
         // A motor that holds the strings even without power.
         let mut b = Bench::over_uart(&[("motor_friction", "0.3mNm")], 6);
-        stands(&mut b);
+        b.ready();
         b.machine.board_mut().set_fault(cause, true);
         assert!(b.until(0.15, |b| b.state() == State::Fault), "{cause:?}");
         assert_eq!(fault(&b), Some(Fault::DriveSilent));

@@ -26,13 +26,8 @@ const fn set(setting: Setting, value: f32) -> Request {
 /// A board that has been greeted and stands.
 fn standing(keys: &[(&str, &str)], seed: u64) -> Bench {
     let mut b = Bench::new(keys, seed);
-    stands(&mut b);
+    b.ready();
     b
-}
-
-fn stands(b: &mut Bench) {
-    b.greet();
-    assert!(b.until(6.0, |b| b.state() == State::Unhomed), "{:?} {:?}", b.last, b.events);
 }
 
 fn fault(b: &Bench) -> Option<Fault> {

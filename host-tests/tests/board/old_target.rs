@@ -2,7 +2,6 @@
 //! way in which it may still hold one when the board no longer means it, on the emulated board: in the ten seconds
 //! after each, the drive turns the strings by nothing, whatever becomes of the load.
 
-use super::stands;
 use host_tests::board::Bench;
 use rig_link::messages::{Fault, Request, State};
 use rig_plant::RigFault;
@@ -30,7 +29,7 @@ fn fault(b: &mut Bench, fault: RigFault, on: bool) {
 fn jogging(relay: Relay) -> Bench {
     let fitted = if relay == Relay::Absent { "0" } else { "1" };
     let mut b = Bench::new(&[LOAD, ("twist_at_boot", "12"), ("relay_fitted", fitted)], 3);
-    stands(&mut b);
+    b.ready();
     b.prove();
     b.ask(&Request::Jog { twist_speed_rad_per_s: 3.0 }).unwrap();
     b.run(1.5);

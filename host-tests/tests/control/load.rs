@@ -82,10 +82,9 @@ fn half_a_kilogram_more_or_less_is_known_in_a_second() {
         for mut d in [rests, moves] {
             d.rig.set_plant("load", to).unwrap();
             d.run(1.0);
-            d.until(1.0, |d| {
+            d.watch(1.0, |d| {
                 let error = load_error(d);
                 assert!(error.abs() < 0.05, "{from} to {to}, {:?}: {error}", d.control.state());
-                false
             });
         }
     }
@@ -98,9 +97,8 @@ fn nothing_swings_or_hunts_at_rest() {
         track(&mut d, 0.008);
         d.run(3.0);
         let (mut min, mut max) = (f64::MAX, f64::MIN);
-        d.until(20.0, |d| {
+        d.watch(20.0, |d| {
             (min, max) = (min.min(d.true_position_m()), max.max(d.true_position_m()));
-            false
         });
         assert!(max - min < 50e-6, "{load}, {friction} N: {} m peak to peak", max - min);
         assert_eq!(d.control.state(), State::Holding);
@@ -206,11 +204,10 @@ fn a_load_much_heavier_than_the_homed_one_is_no_fault() {
 fn no_load_is_reported_outside_the_tables_twist() {
     let mut d = homed(&[], "1.7kg", "0.05", 1);
     d.tick(Some(Request::Jog { twist_speed_rad_per_s: -4.0 }));
-    d.until(10.0, |d| {
+    d.watch(10.0, |d| {
         let t = d.last.as_ref().unwrap().telemetry;
         let below = t.twist_rad.unwrap() < std::f32::consts::PI - 0.3;
         assert!(!below || t.load_n.is_none() && t.doubts.contains(Doubt::LoadUnknown), "{t:?}");
-        false
     });
     d.tick(Some(Request::Stop));
     d.run(5.0);
@@ -227,11 +224,10 @@ fn strings_that_are_jogged_closed_and_let_go_are_reported() {
     d.tick(Some(Request::Jog { twist_speed_rad_per_s: 4.0 }));
     assert!(d.until(30.0, |d| d.control.state() == State::Fault), "{:?}", d.control.state());
     let twist_rad = d.truth().twist_rad;
-    d.until(10.0, |d| {
+    d.watch(10.0, |d| {
         let (fallen_rad, faults) = (twist_rad - d.truth().twist_rad, d.control.faults());
         let reported = faults.contains(Fault::DriveStall) || faults.contains(Fault::NotHeld);
         assert!(fallen_rad < 2.0 || reported, "fallen by {fallen_rad} rad: {faults}");
-        false
     });
 }
 

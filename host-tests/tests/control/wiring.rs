@@ -47,10 +47,7 @@ fn first_homing(faults: &[RigFault], load: &str, seed: u64) -> Outcome {
         d.control.state() != State::Homing
     });
     // The motor may coast.
-    d.until(2.0, |d| {
-        watch(d);
-        false
-    });
+    d.watch(2.0, watch);
     let last = d.events.last().map(|(_, event)| *event);
     Outcome { fault: d.control.fault(), state: d.control.state(), torque_s, turned_rad, last }
 }

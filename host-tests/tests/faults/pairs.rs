@@ -82,10 +82,7 @@ impl Watch {
     }
 
     fn run(&mut self, d: &mut ControlBench, seconds: f64) {
-        d.until(seconds, |d| {
-            self.look(d);
-            false
-        });
+        d.watch(seconds, |d| self.look(d));
     }
 
     /// Asks, and looks at the answer to a `clear`: it is refused while the board says held and the strings turn.

@@ -54,9 +54,7 @@ fn rested(effect: &str, kind: RigPreset, seed: u64, firmware: &Firmware) -> Cont
 }
 
 fn go(bench: &mut ControlBench, target_m: f32) {
-    bench.tick(Some(Request::Move { target_m, speed_m_per_s: 2e-3, load: LoadChoice::Auto }));
-    bench.until(60.0, |bench| bench.control.state() != State::Moving);
-    assert_eq!(bench.control.state(), State::Holding);
+    bench.move_to(target_m, 2e-3, LoadChoice::Auto).expect("it arrives");
     bench.run(1.0);
 }
 
