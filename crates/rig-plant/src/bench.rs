@@ -149,11 +149,6 @@ pub struct ControlBench<C: ControlLaw = Controller> {
     heard_us: Option<u64>,
 }
 
-#[cfg(test)]
-pub(crate) fn address() -> Address {
-    Address::new(scene().rig.drive_group, scene().rig.drive_number).expect("the scene was checked")
-}
-
 impl ControlBench {
     /// A rig with these plant keys, and control code that has just booted.
     pub fn new(keys: &[(&str, &str)], seed: u64) -> Self {
@@ -485,4 +480,9 @@ impl ControlBench {
             (state, ..) => Err(format!("{state} {when}")),
         }
     }
+}
+
+#[cfg(test)]
+pub(crate) fn address() -> Address {
+    Address::new(scene().rig.drive_group, scene().rig.drive_number).expect("the scene was checked")
 }
