@@ -1,4 +1,4 @@
-//! Every command of the README and of `docs/` is read by the tool's own parser, and the files of the project that it names exist and
+//! Every command of the pages at the root and in `docs/` is read by the tool's own parser, and the files of the project that it names exist and
 //! can be read. Of each kind of command, a subcommand with the set of its options, one is run, unless another test runs that kind:
 //! homing alone takes seven seconds of computing.
 
@@ -69,7 +69,7 @@ fn commands(page: &str) -> Vec<String> {
 }
 
 fn pages() -> Vec<PathBuf> {
-    let mut pages = vec![root().join("README.md")];
+    let mut pages = ["README.md", "CONTRIBUTING.md"].map(|page| root().join(page)).to_vec();
     for folder in ["", "tutorial", "how-to", "reference", "explanation"] {
         for entry in std::fs::read_dir(root().join("docs").join(folder)).unwrap() {
             let path = entry.unwrap().path();
