@@ -2,7 +2,7 @@
 
 use super::{Inputs, Made};
 use crate::table;
-use anyhow::Result;
+use anyhow::{Result, bail};
 use rig_config::{Accuracy, Scene, TableError};
 use rigctl::parallel::parallel;
 use rigctl::plot::{Axis, Block, Figure, INK, Item, KeyRow, Panel, Pen, Shape, colour, extent};
@@ -44,6 +44,10 @@ pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
         }
     });
     let fits = fits.into_iter().collect::<Result<Vec<Asked>, _>>()?;
+    let mut drawn = fits.iter().filter_map(|(_, found)| found.as_ref().ok()).flat_map(|(_, all)| all);
+    if let Some(Considered { form, .. }) = drawn.find(|c| !FORMS.contains(&c.form)) {
+        bail!("the chart has no colour for the form {form}: add it to FORMS in lab/src/chart/table_size.rs");
+    }
     let line = |(k, form): (usize, &&str)| KeyRow::line(Pen::solid(colour(k, FORMS.len())), *form);
     let asked: Vec<String> = ASKED_M.iter().map(|asked_m| format!("{:.0}", asked_m * 1e6)).collect();
     let mut notes = vec![format!(
