@@ -226,7 +226,7 @@ impl Board {
     /// Connects: `sim` starts an emulated board whose programs are in a folder, anything else is a serial device. With `any_table`
     /// the board's table may be for another scene.
     #[new]
-    #[pyo3(signature = (port, scene, rig, seed, plant, programs, any_table))]
+    #[pyo3(signature = (port, scene, rig, seed, plant, programs, flash, plant_scene, plant_program, any_table))]
     #[expect(clippy::too_many_arguments, reason = "those of `tsa_rig.Rig`")]
     fn new(
         py: Python<'_>,
@@ -236,6 +236,9 @@ impl Board {
         seed: u64,
         plant: Vec<String>,
         programs: Option<PathBuf>,
+        flash: Option<PathBuf>,
+        plant_scene: Option<PathBuf>,
+        plant_program: Option<String>,
         any_table: bool,
     ) -> PyResult<Self> {
         let place = if port == "sim" {
@@ -244,7 +247,9 @@ impl Board {
                 plant: plant.iter().map(|change| change.parse()).collect::<Result<_, _>>().map_err(wrong)?,
                 seed,
                 programs,
-                ..SimOptions::new(scene.clone())
+                flash,
+                plant_program,
+                ..SimOptions::new(plant_scene.unwrap_or_else(|| scene.clone()))
             };
             Place::Emulated(Box::new(emulated))
         } else if port == "auto" {

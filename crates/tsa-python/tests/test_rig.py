@@ -2,8 +2,10 @@
 
 import os
 import signal
+import sys
 import threading
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -193,3 +195,45 @@ def test_a_board_gets_the_table_of_another_scene(tmp_path: Path) -> None:
         assert rig.status()["scene_hash"] == made["scene_hash"]
     with tsa_rig.Rig("sim", scene=other, programs=PROGRAMS, check_scene=False) as rig:
         assert not rig.status()["scene_matches"] and rig.make_table()["scene_hash"] == made["scene_hash"]
+
+
+def test_what_a_board_has_learned_outlives_the_rig(tmp_path: Path) -> None:
+    def calibrated() -> tsa_rig.Rig:
+        return tsa_rig.Rig("sim", scene=SCENE, seed=7, flash=tmp_path / "rig.flash", programs=PROGRAMS)
+
+    with calibrated() as rig:
+        read = rig.calibrate("lvdt")
+        rig.calibrate("lvdt", gap_m=read["true_gap_m"])
+        offset = rig.config.get("lvdt-offset")
+    assert offset["value"] != 0.0
+    with calibrated() as rig:
+        assert rig.config.get("lvdt-offset") == offset
+        read = rig.calibrate("lvdt")
+        assert read["gap_m"] == pytest.approx(read["true_gap_m"], abs=20e-6)
+    with tsa_rig.Rig("sim", scene=SCENE, seed=7, programs=PROGRAMS) as rig:
+        assert rig.config.get("lvdt-offset")["value"] == 0.0, "without the file each rig has a new board"
+
+
+def test_a_plant_has_a_scene_or_a_program_of_its_own(tmp_path: Path) -> None:
+    other = tmp_path / "other.toml"
+    other.write_text(SCENE.read_text().replace("stiffness_n_per_m = 1370.0", "stiffness_n_per_m = 1200.0"))
+    assert other.read_text() != SCENE.read_text()
+    program = f"{sys.executable} {ROOT / 'docs' / 'plants' / 'linear_spring.py'}"
+    gaps = []
+    plants: list[dict[str, Any]] = [{}, {"plant_scene": other}, {"plant_program": program}]
+    for of_plant in plants:
+        with tsa_rig.Rig("sim", scene=SCENE, rig="ideal", programs=PROGRAMS, **of_plant) as rig:
+            assert rig.status()["scene_matches"]
+            gaps.append(rig.calibrate("lvdt")["true_gap_m"])
+    assert min(abs(gaps[0] - gaps[1]), abs(gaps[0] - gaps[2]), abs(gaps[1] - gaps[2])) > 1e-4, gaps
+
+
+def test_what_only_an_emulated_rig_has_is_named(tmp_path: Path) -> None:
+    emulated: dict[str, Any] = {"plant": {}, "flash": "x", "plant_scene": SCENE, "plant_program": "true"}
+    for name, value in emulated.items():
+        with pytest.raises(tsa_rig.ArgumentError, match=f"^{name} "):
+            tsa_rig.Rig("/dev/no-such-device", scene=SCENE, **{name: value})
+    missing: dict[str, Any] = {"flash": tmp_path / "none" / "x", "plant_scene": "none.toml"}
+    for name, value in missing.items():
+        with pytest.raises(FileNotFoundError, match="none"):
+            tsa_rig.Rig("sim", scene=SCENE, programs=PROGRAMS, **{name: value})

@@ -56,6 +56,9 @@ class Board:
         seed: int,
         plant: list[str],
         programs: str | PathLike[str] | None,
+        flash: str | PathLike[str] | None,
+        plant_scene: str | PathLike[str] | None,
+        plant_program: str | None,
         any_table: bool,
     ) -> None: ...
     def home(self, load_n: float | None) -> str: ...

@@ -118,6 +118,9 @@ class Rig:
         seed: int = 1,
         plant: Mapping[str, object] | None = None,
         programs: FilePath | None = None,
+        flash: FilePath | None = None,
+        plant_scene: FilePath | None = None,
+        plant_program: str | None = None,
         check_scene: bool = True,
     ) -> None:
         """`rig` (ideal, nominal, hard), `seed` and `plant` (keys of docs/reference/simulator.md) are of an emulated
@@ -125,14 +128,27 @@ class Rig:
         An emulated board is sent the table of the scene. `check_scene=False` connects to a board whose table is for
         another scene, and leaves that table: for `make_table`.
 
-        Raises MissingFileError (a FileNotFoundError) if the scene or the emulator is not there, SceneError for a scene
-        of a rig that cannot work, ArgumentError for a wrong `rig` or `plant`, and OperationError if there is no board,
-        or its table is for another scene.
+        Also of an emulated rig, as the options of `rigctl`: `flash` is the file that keeps the board's settings and
+        table from one `Rig` to the next, and is made if it is not there; `plant_scene` is the scene that the plant is
+        built by, if it is not the board's; `plant_program` is a program and its arguments that stand in for mechanism
+        and load.
+
+        Raises MissingFileError (a FileNotFoundError) if a scene, the folder of `flash` or the emulator is not there,
+        SceneError for a scene of a rig that cannot work, ArgumentError for a wrong `rig` or `plant` and for what only
+        an emulated rig has, and OperationError if there is no board, or its table is for another scene.
         """
         changes = [f"{key}={value}" for key, value in (plant or {}).items()]
+        emulated = {"plant": plant, "flash": flash, "plant_scene": plant_scene, "plant_program": plant_program}
+        for name in (name for name, value in emulated.items() if value is not None and port != "sim"):
+            raise wrong(f"{name} is of an emulated rig, not of port {port!r}")
+        if flash is not None and not Path(flash).absolute().parent.is_dir():
+            raise of_kind("no-file", f"flash {fspath(flash)}: its folder is not there")
         found = _scene(scene)
+        of_plant = None if plant_scene is None else _scene(plant_scene)
         folder = program("rig-emulator", found, programs).parent if port == "sim" else None
-        self._board = _core.Board(port, found, rig, seed, changes, folder, not check_scene)
+        self._board = _core.Board(
+            port, found, rig, seed, changes, folder, flash, of_plant, plant_program, not check_scene
+        )
         self.config = Config(self._board)
         self._rows: list[Object] = []
         self._reading = threading.Lock()
