@@ -153,8 +153,17 @@ fn every_command_of_the_pages_works() {
                     assert!(root().join(package).join("pyproject.toml").exists(), "{name}: no package {package}");
                     continue;
                 }
+                // Its own tests run it.
+                ["python", "-m", module, ref rest @ ..] => {
+                    let file = root().join("crates/tsa-python/python").join(module.replace('.', "/") + ".py");
+                    let text = std::fs::read_to_string(&file).unwrap_or_else(|e| panic!("{name}: {module}: {e}"));
+                    for option in rest.iter().filter(|word| word.starts_with("--")) {
+                        assert!(text.contains(&format!("add_argument(\"{option}\"")), "{name}: {line}: {option}");
+                    }
+                    continue;
+                }
                 // Other programs, named where they are first used.
-                ["cargo", "install", ..] | ["probe-rs", ..] => continue,
+                ["cargo", "install", ..] | ["probe-rs" | "colcon", ..] => continue,
                 _ => panic!("{name}: what is {line:?}?"),
             };
             let kind = kind.unwrap_or_else(|e| panic!("{name}: {line}: {e}"));

@@ -109,6 +109,9 @@ class Rig:
     config: Config
     """The board's settings."""
 
+    scene: Path
+    """The scene file that the board's table is for."""
+
     def __init__(
         self,
         port: str = "sim",
@@ -149,7 +152,7 @@ class Rig:
         self._board = _core.Board(
             port, found, rig, seed, changes, folder, flash, of_plant, plant_program, not check_scene
         )
-        self.config = Config(self._board)
+        self.config, self.scene = Config(self._board), found
         self._rows: list[Object] = []
         self._reading = threading.Lock()
 
@@ -273,7 +276,10 @@ class Rig:
         Keys: `scene_hash`, `bytes`, `contraction_error_m`, `tr_relative_error`, `kept`. Raises MissingFileError,
         SceneError, and OperationError with the board's refusal or if `[rig]` of the scene is another rig's.
         """
-        return dict(json.loads(self._board.make_table(None if scene is None else _scene(scene))))
+        of = self.scene if scene is None else _scene(scene)
+        made = dict(json.loads(self._board.make_table(of)))
+        self.scene = of
+        return made
 
     def status(self) -> Object:
         """The board's identity, state and readings, after listening for a second. Keys as `rigctl status --json`."""
