@@ -17,6 +17,8 @@ mod logs;
 mod monitor;
 mod new_rig;
 mod plants;
+#[cfg(target_os = "linux")]
+mod ros2;
 mod scenes;
 mod selftest;
 mod serve;
