@@ -1,6 +1,7 @@
 //! What the firmware's control is held against: the usual ways to drive a twisted string, over the same drive frames
 //! (mode 8, a position every 10 ms) on the same rig. They need no homing: they are given the true zero of the twist.
 
+use super::program::Outside;
 use crate::rigs::commission::Firmware;
 use crate::rigs::subject::Subject;
 use crate::{ControlBench, ControlLaw};
@@ -72,6 +73,8 @@ pub enum Law {
     ConstantSpeed(f32),
     /// The same at the speed that needs as long as the move was asked to take, by the table and the true load.
     MatchedSpeed,
+    /// What a program says that was started with this command.
+    Program(&'static str),
 }
 
 /// Those without anything to tune.
@@ -105,6 +108,8 @@ pub struct Baseline {
     pub law: Law,
     /// What it is told.
     pub wanted: Wanted,
+    /// The program of [`Law::Program`].
+    pub program: Option<Outside>,
     /// Position (m) that the LVDT shows, from the reference; `None` before that is taken.
     pub shown_m: Option<f32>,
     table: &'static Table<'static>,
@@ -134,6 +139,7 @@ impl Baseline {
         Self {
             law: Law::OpenLoop,
             wanted: Wanted::default(),
+            program: None,
             shown_m: None,
             table: firmware.table,
             rig: settings::apply(&firmware.settings, &firmware.constants),
@@ -262,6 +268,10 @@ impl Baseline {
             }
             Law::ConstantSpeed(speed) => self.constant_speed(Some(speed), position_m),
             Law::MatchedSpeed => self.constant_speed(None, position_m),
+            Law::Program(_) => {
+                let twist_rad = self.shaft.position - self.zero_rad;
+                self.program.as_mut().map_or(0.0, |program| program.twist_speed(&self.wanted, position_m, twist_rad))
+            }
         };
         let next = self.shaft.position + wanted.clamp(-fastest, fastest) * TICK_S;
         let [low, high] = [PI - BELOW_PRETWIST, self.table.metadata.twist_max_rad].map(|t| t + self.zero_rad);

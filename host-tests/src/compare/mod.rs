@@ -2,7 +2,7 @@
 //! drive frames.
 //!
 //! - [`play`]: a controller through a scenario on a plant.
-//! - [`baseline`]: what the firmware's control is held against. [`tune`]: the best gains for it.
+//! - [`baseline`]: what the firmware's control is held against. [`tune`]: the best gains for it. [`program`]: others' programs.
 //! - [`score`]: tracking, settling, overshoot, energy. [`report`]: table and figure. [`study()`]: all of it.
 //!
 //! What is fair: a fixed ratio gets the same feedback, set by search on the comparison's own plants, and (b") even a fixed
@@ -17,6 +17,7 @@
 
 pub mod baseline;
 pub mod play;
+pub mod program;
 pub mod report;
 pub mod score;
 pub mod tune;
@@ -28,7 +29,7 @@ use crate::scenario::{self, Scenario};
 use crate::study::{Study, each, write};
 use anyhow::{Result, anyhow};
 use baseline::{Baseline, Law, Loop, OTHERS};
-use play::Record;
+use play::{Played, Record};
 use report::Results;
 use rig_plant::{PlantKey, RigPreset};
 use rigctl::parallel::cores;
@@ -76,8 +77,11 @@ pub struct Case {
 
 impl Case {
     /// A baseline's moves, or as many as it made.
-    fn play(&self, law: Law, scenario: &Scenario, along: &[Record]) -> Vec<Record> {
-        self.ready.clone().map_or_else(|_| Vec::new(), |bench| play::baseline(bench, law, scenario, along))
+    fn play(&self, law: Law, scenario: &Scenario, along: &[Record]) -> Played {
+        match self.ready.clone() {
+            Ok(bench) => play::baseline(bench, law, scenario, along),
+            Err(why) => (Vec::new(), Some(why)),
+        }
     }
 
     /// The figures of the first `count` moves, settled within a distance (m).
@@ -143,22 +147,30 @@ impl<'s> Comparison<'s> {
 
     /// The figures of every move under a baseline's law, or under the firmware's control.
     pub fn play(&self, law: Option<Law>) -> Vec<Entry> {
-        let entries = each(cores(), &self.cases, |case| {
+        self.played(law).0
+    }
+
+    /// The same, and what ended a baseline's moves: scenario, plant, and what happened.
+    pub fn played(&self, law: Option<Law>) -> (Vec<Entry>, Vec<String>) {
+        let played = each(cores(), &self.cases, |case| {
             let count = case.along.len();
+            let scenario = &self.scenarios[case.scenario];
             let theirs;
-            let records = match law {
-                None => &case.along[..case.made],
+            let (records, failure) = match law {
+                None => (&case.along[..case.made], None),
                 Some(law) => {
-                    theirs = case.play(law, &self.scenarios[case.scenario], &case.along);
-                    &theirs[..]
+                    theirs = case.play(law, scenario, &case.along);
+                    (&theirs.0[..], theirs.1.as_ref())
                 }
             };
+            let failure = failure.map(|why| format!("{}, plant {}: {why}", scenario.name, case.seed));
             let scores = case.scores(records, count, self.settled_m);
             let entry =
                 |(score, along): (Score, &Record)| Entry { scenario: case.scenario, changed: along.changed, score };
-            scores.into_iter().zip(&case.along).map(entry).collect::<Vec<_>>()
+            (scores.into_iter().zip(&case.along).map(entry).collect::<Vec<_>>(), failure)
         });
-        entries.concat()
+        let (entries, failures): (Vec<_>, Vec<_>) = played.into_iter().unzip();
+        (entries.concat(), failures.into_iter().flatten().collect())
     }
 
     /// The loop that comes nearest to a goal on the plants with these seeds, searched for from `start`.
@@ -173,7 +185,7 @@ impl<'s> Comparison<'s> {
         let play = |case: &&Case, candidate: Loop| {
             let counts = |r: &&Record| goal == Goal::Settling || !r.changed;
             let along = &case.along[..case.along.iter().take_while(counts).count()];
-            let records = case.play(Law::Loop(candidate), &self.scenarios[case.scenario], along);
+            let (records, _) = case.play(Law::Loop(candidate), &self.scenarios[case.scenario], along);
             case.scores(&records, along.len(), self.settled_m)
         };
         let add = |tally: &mut Tally, case: &&Case, scores: Vec<Score>| {
@@ -219,6 +231,9 @@ pub struct Arguments {
     /// Folder for comparison.svg, or with --rig comparison-RIG.svg
     #[arg(long, value_name = "DIR", default_value = "docs")]
     out: PathBuf,
+    /// Program and arguments of another controller to compare with, asked by lines: docs/reference/results.md
+    #[arg(long, value_name = "CMD ARGS", requires = "out")]
+    controller: Option<String>,
 }
 
 /// The first N of the list that every run uses, and what they are called. Nothing was tuned on rigs of these seeds
@@ -277,6 +292,14 @@ pub fn study(arguments: &Arguments) -> Result<Study> {
     ) {
         eprintln!("{name} …");
         reached.push((name, comparison.play(Some(law))));
+    }
+    if let Some(command) = &arguments.controller {
+        // Laws are copied, and names are constants: this one lasts as long as the study.
+        let command: &'static str = command.clone().leak();
+        let (entries, failures) = comparison.played(Some(Law::Program(command)));
+        let failed = if failures.is_empty() { "" } else { " (failed)" };
+        notes.extend(failures.first().map(|first| format!("f failed {} times; {first}.", failures.len())));
+        reached.push((format!("f  {command}{failed}").leak(), entries));
     }
     let results = Results::new(&scenarios, (arguments.rig, (plants.len(), kind)), &reached, notes);
     let name = arguments.rig.map_or("comparison".into(), |rig| format!("comparison-{rig}"));
@@ -356,7 +379,7 @@ mod tests {
     fn a_baseline_that_does_not_come_to_its_reference_makes_no_move() {
         let case = Case { scenario: 0, seed: 1, along: vec![record(0.0)], made: 1, ready: Err("stuck".into()) };
         let scenario = Scenario { name: String::new(), load_n: 5.0, moves: Vec::new() };
-        let records = case.play(Law::OpenLoop, &scenario, &case.along);
+        let (records, _) = case.play(Law::OpenLoop, &scenario, &case.along);
         let scores = case.scores(&records, 1, SETTLED_M);
         assert!(records.is_empty() && !scores[0].made && scores[0].settling_s.is_none());
     }

@@ -1,6 +1,7 @@
 //! A controller through a scenario on a plant, and what was recorded of it.
 
 use super::baseline::{self, Baseline, Law};
+use super::program::Outside;
 use crate::rigs::commission::Firmware;
 use crate::rigs::subject::Subject;
 use crate::scenario::{Move, Scenario};
@@ -77,16 +78,24 @@ pub fn firmware(scenario: &Scenario, plant: &Subject, firmware: &Firmware) -> Pl
     (records, failure)
 }
 
-/// A baseline that stands at its reference, along the firmware's set-points, as far as the plant takes its changes.
-pub fn baseline(mut bench: ControlBench<Baseline>, law: Law, scenario: &Scenario, along: &[Record]) -> Vec<Record> {
-    bench.control.law = law;
-    let one = |(m, along): (&Move, &Record)| {
-        record(&mut bench, m, |bench, k| {
-            let set_point_m = along.set_points_m[k];
-            baseline::follow(bench, set_point_m, m.target_m, m.speed_m_per_s);
-            Ok(set_point_m)
-        })
-        .ok()
+/// A baseline that stands at its reference, along the firmware's set-points, as far as it and the plant go on.
+pub fn baseline(mut bench: ControlBench<Baseline>, law: Law, scenario: &Scenario, along: &[Record]) -> Played {
+    let mut records = Vec::new();
+    let mut play = || -> Result<(), String> {
+        bench.control.law = law;
+        if let Law::Program(command) = law {
+            bench.control.program = Some(Outside::start(command)?);
+        }
+        for (m, along) in scenario.moves.iter().zip(along) {
+            records.push(record(&mut bench, m, |bench, k| {
+                let set_point_m = along.set_points_m[k];
+                baseline::follow(bench, set_point_m, m.target_m, m.speed_m_per_s);
+                let failure = bench.control.program.as_ref().and_then(|program| program.failure.clone());
+                failure.map_or(Ok(set_point_m), Err)
+            })?);
+        }
+        Ok(())
     };
-    scenario.moves.iter().zip(along).map_while(one).collect()
+    let failure = play().err();
+    (records, failure)
 }

@@ -100,3 +100,37 @@ fn without_friction_the_ratio_is_worth_five_times_the_error() {
         assert!(theirs > 5.0 * ours, "{ours} against {theirs} of {law:?}");
     }
 }
+
+#[cfg(unix)]
+#[test]
+fn a_controller_in_a_program_is_asked_each_tick_and_named_when_it_fails() {
+    let scenarios = &scenario::comparison().unwrap()[1..2];
+    let comparison = Comparison::new(scenarios, &[Subject::random(1)]).unwrap();
+    let root = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
+    let pi: &str = format!("python3 {root}/docs/controllers/pi.py").leak();
+    let (entries, failures) = comparison.played(Some(Law::Program(pi)));
+    assert!(failures.is_empty() && entries.iter().all(|e| e.score.made), "{failures:?}");
+    // It has the ratio and the gain of the fixed ratio with the least error.
+    let [theirs, like] = [entries, comparison.play(Some(Law::Loop(MIN_ERROR)))].map(|e| summaries(&e)[0].rms_m);
+    println!("{:.0} um by the program, {:.0} um by the same law in Rust", theirs * 1e6, like * 1e6);
+    assert!((0.5..2.0).contains(&(theirs / like)), "{theirs} against {like}");
+
+    let still = r#"echo '{"twist_rad_per_s": 0}'"#;
+    for (name, body, why) in [
+        ("ends", format!("read -r line; {still}"), "it ended instead of answering"),
+        ("silent", format!("read -r line; {still}; cat > /dev/null"), "within 2 s"),
+        ("words", "while read -r line; do echo fast; done".into(), "with `fast`, not with"),
+        ("nothing", r#"while read -r line; do echo '{"twist_rad_per_s": null}'; done"#.into(), "a finite number"),
+        ("infinite", r#"while read -r line; do echo '{"twist_rad_per_s": 1e60}'; done"#.into(), "a finite number"),
+    ] {
+        let file = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("controller-{name}.sh"));
+        std::fs::write(&file, body).unwrap();
+        let (entries, failures) = comparison.played(Some(Law::Program(format!("sh {}", file.display()).leak())));
+        assert!(entries.iter().all(|e| !e.score.made) && entries.len() == scenarios[0].moves.len(), "{name}");
+        let [failure] = &failures[..] else { panic!("{name}: {failures:?}") };
+        assert!(failure.starts_with(&scenarios[0].name) && failure.contains("plant 1: "), "{failure}");
+        assert!(failure.contains(why), "{name}: {failure}");
+    }
+    let (_, failures) = comparison.played(Some(Law::Program("no-such-program-anywhere")));
+    assert!(failures[0].contains("cannot be started"), "{failures:?}");
+}

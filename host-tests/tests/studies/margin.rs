@@ -43,7 +43,7 @@ fn fixed_oscillation_m(comparison: &Comparison<'_>, scenario: &Scenario, gain_pe
         breakaway_rad: 0.0,
     });
     let case = &comparison.cases[0];
-    let records = play::baseline(case.ready.clone().unwrap(), law, scenario, &case.along);
+    let (records, _) = play::baseline(case.ready.clone().unwrap(), law, scenario, &case.along);
     let last = records.last().unwrap();
     let end = &last.positions_m[last.positions_m.len() - 200..];
     let [low, high] = end.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], p| [l.min(*p), h.max(*p)]);

@@ -58,10 +58,12 @@ pub enum ProgramFailure {
         line: String,
     },
     /// It did not answer in time.
-    #[error("it did not answer `{line}` within {} s", PATIENCE.as_secs())]
+    #[error("it did not answer `{line}` within {} s", patience.as_secs())]
     Silent {
         /// The line that it was given.
         line: String,
+        /// How long was waited.
+        patience: Duration,
     },
     /// Its answer is not what the line asks for.
     #[error("it answered `{line}` with `{answer}`, not with {wanted}")]
@@ -97,14 +99,85 @@ pub struct Answer {
     pub pull_n: f64,
 }
 
+/// A running program that answers each line with one. Dropped, its input ends, and it is killed if it does not end.
+#[derive(Debug)]
+pub struct Program {
+    name: String,
+    child: Child,
+    /// None when it has ended.
+    input: Option<ChildStdin>,
+    /// In a mutex only because a rig is shared between threads that look at it.
+    lines: Mutex<Receiver<String>>,
+}
+
+impl Program {
+    /// Starts `command`: a program and its arguments, separated by blanks.
+    ///
+    /// # Errors
+    /// [`ProgramError`]: it cannot be started.
+    pub fn start(command: &str) -> Result<Self, ProgramError> {
+        let fail = |what| ProgramError { program: command.to_owned(), what };
+        let mut words = command.split_whitespace();
+        let program = words.next().ok_or_else(|| fail(ProgramFailure::Empty))?;
+        let mut process = Command::new(program);
+        process.args(words).stdin(Stdio::piped()).stdout(Stdio::piped());
+        ends_with_us(&mut process);
+        let mut child = process.spawn().map_err(|e| fail(ProgramFailure::Start(e.to_string())))?;
+        let (input, Some(output)) = (child.stdin.take(), child.stdout.take()) else {
+            return Err(fail(ProgramFailure::Start("it has no standard output".to_owned())));
+        };
+        let (sender, lines) = sync_channel(AHEAD);
+        // Ends with the program's output, or when nobody listens any more.
+        std::thread::spawn(move || {
+            let mut output = BufReader::new(output);
+            loop {
+                let mut line = String::new();
+                let read = output.by_ref().take(LONGEST).read_line(&mut line);
+                if !matches!(read, Ok(1..)) || sender.send(line).is_err() {
+                    return;
+                }
+            }
+        });
+        Ok(Self { name: command.to_owned(), child, input, lines: Mutex::new(lines) })
+    }
+
+    /// Its answer to a line, for which it is given so much time.
+    ///
+    /// # Errors
+    /// [`ProgramError`]: it does not answer.
+    pub fn ask(&mut self, line: &str, patience: Duration) -> Result<String, ProgramError> {
+        // A program that has ended shows by its missing answer, too.
+        let sent = self.tell(line);
+        let lines = self.lines.get_mut().unwrap_or_else(PoisonError::into_inner);
+        let answer = lines.recv_timeout(patience);
+        let line = line.to_owned();
+        match (sent, answer) {
+            (_, Ok(answer)) => Ok(answer),
+            (Ok(()), Err(RecvTimeoutError::Timeout)) => Err(self.fail(ProgramFailure::Silent { line, patience })),
+            _ => Err(self.fail(ProgramFailure::Died { line })),
+        }
+    }
+
+    fn tell(&mut self, line: &str) -> std::io::Result<()> {
+        let Some(input) = &mut self.input else { return Ok(()) };
+        input.write_all(format!("{line}\n").as_bytes()).and_then(|()| input.flush())
+    }
+
+    fn fail(&self, what: ProgramFailure) -> ProgramError {
+        ProgramError { program: self.name.clone(), what }
+    }
+
+    /// That its answer to a line is not what was wanted.
+    pub fn wrong(&self, line: &str, answer: &str, wanted: &'static str) -> ProgramError {
+        let answer = answer.trim_end().chars().take(80).collect();
+        self.fail(ProgramFailure::Answer { line: line.to_owned(), answer, wanted })
+    }
+}
+
 /// A running plant program. Dropped, it is told to quit, and killed if it does not.
 #[derive(Debug)]
 pub struct PlantProgram {
-    name: String,
-    child: Child,
-    input: ChildStdin,
-    /// In a mutex only because a rig is shared between threads that look at it.
-    lines: Mutex<Receiver<String>>,
+    program: Program,
     patience: Duration,
 }
 
@@ -121,33 +194,11 @@ impl PlantProgram {
         seed: u64,
         patience: Duration,
     ) -> Result<Self, ProgramError> {
-        let fail = |what| ProgramError { program: command.to_owned(), what };
-        let mut words = command.split_whitespace();
-        let program = words.next().ok_or_else(|| fail(ProgramFailure::Empty))?;
-        let mut process = Command::new(program);
-        process.args(words).stdin(Stdio::piped()).stdout(Stdio::piped());
-        ends_with_us(&mut process);
-        let mut child = process.spawn().map_err(|e| fail(ProgramFailure::Start(e.to_string())))?;
-        let (Some(input), Some(output)) = (child.stdin.take(), child.stdout.take()) else {
-            return Err(fail(ProgramFailure::Start("it has no standard input or output".to_owned())));
-        };
-        let (sender, lines) = sync_channel(AHEAD);
-        // Ends with the program's output, or when nobody listens any more.
-        std::thread::spawn(move || {
-            let mut output = BufReader::new(output);
-            loop {
-                let mut line = String::new();
-                let read = output.by_ref().take(LONGEST).read_line(&mut line);
-                if !matches!(read, Ok(1..)) || sender.send(line).is_err() {
-                    return;
-                }
-            }
-        });
-        let mut program = Self { name: command.to_owned(), child, input, lines: Mutex::new(lines), patience };
+        let mut program = Self { program: Program::start(command)?, patience };
         let line = format!("start {VERSION} {step_s} {twist_rad} {seed}");
         match program.ask(&line)?.trim() {
             "ok" => Ok(program),
-            answer => Err(program.wrong(&line, answer, "`ok`")),
+            answer => Err(program.program.wrong(&line, answer, "`ok`")),
         }
     }
 
@@ -170,7 +221,7 @@ impl PlantProgram {
             ("ok", "") => Ok(true),
             ("unknown", "") => Ok(false),
             ("error", text) => Err(self.refused(key, text)),
-            _ => Err(self.wrong(&line, &answer, "`ok`, `unknown` or `error TEXT`")),
+            _ => Err(self.program.wrong(&line, &answer, "`ok`, `unknown` or `error TEXT`")),
         }
     }
 
@@ -188,40 +239,21 @@ impl PlantProgram {
             {
                 Ok(Answer { gap_m, torque_nm, pull_n })
             }
-            _ => Err(self.wrong(&line, &answer, WANTED)),
+            _ => Err(self.program.wrong(&line, &answer, WANTED)),
         }
     }
 
     /// What a copy of its rig has instead of it.
     pub fn copied(&self) -> ProgramError {
-        self.fail(ProgramFailure::Copied)
+        self.program.fail(ProgramFailure::Copied)
     }
 
     fn ask(&mut self, line: &str) -> Result<String, ProgramError> {
-        // A program that has ended shows by its missing answer, too.
-        let sent = self.input.write_all(format!("{line}\n").as_bytes()).and_then(|()| self.input.flush());
-        let lines = self.lines.get_mut().unwrap_or_else(PoisonError::into_inner);
-        let answer = lines.recv_timeout(self.patience);
-        match (sent, answer) {
-            (_, Ok(answer)) => Ok(answer),
-            (Ok(()), Err(RecvTimeoutError::Timeout)) => {
-                Err(self.fail(ProgramFailure::Silent { line: line.to_owned() }))
-            }
-            _ => Err(self.fail(ProgramFailure::Died { line: line.to_owned() })),
-        }
+        self.program.ask(line, self.patience)
     }
 
     fn refused(&self, key: &str, text: &str) -> ProgramError {
-        self.fail(ProgramFailure::Key { key: key.to_owned(), text: text.to_owned() })
-    }
-
-    fn fail(&self, what: ProgramFailure) -> ProgramError {
-        ProgramError { program: self.name.clone(), what }
-    }
-
-    fn wrong(&self, line: &str, answer: &str, wanted: &'static str) -> ProgramError {
-        let answer = answer.trim_end().chars().take(80).collect();
-        self.fail(ProgramFailure::Answer { line: line.to_owned(), answer, wanted })
+        self.program.fail(ProgramFailure::Key { key: key.to_owned(), text: text.to_owned() })
     }
 }
 
@@ -246,7 +278,13 @@ fn ends_with_us(process: &mut Command) {
 
 impl Drop for PlantProgram {
     fn drop(&mut self) {
-        let _ = self.input.write_all(b"quit\n").and_then(|()| self.input.flush());
+        let _ = self.program.tell("quit");
+    }
+}
+
+impl Drop for Program {
+    fn drop(&mut self) {
+        self.input = None;
         let begun = std::time::Instant::now();
         while begun.elapsed() < FAREWELL {
             if !matches!(self.child.try_wait(), Ok(None)) {
@@ -324,9 +362,9 @@ mod tests {
         assert!(error.contains("answered `step 1` with `0.10.10.1"), "{error}");
         let mut ahead = start(&script("ahead", "while :; do echo ok; done")).unwrap();
         std::thread::sleep(Duration::from_millis(200));
-        ahead.child.kill().and_then(|()| ahead.child.wait()).unwrap();
+        ahead.program.child.kill().and_then(|()| ahead.program.child.wait()).unwrap();
         // What the pipe holds (64 KiB of three bytes each), and what is read ahead.
-        let kept = ahead.lines.get_mut().unwrap().iter().count();
+        let kept = ahead.program.lines.get_mut().unwrap().iter().count();
         assert!(kept < 25_000, "{kept} lines wait");
     }
 
@@ -349,8 +387,8 @@ mod tests {
     #[test]
     fn nothing_is_left_running() {
         let mut program = start(&script("deaf", "trap '' TERM; echo ok; while :; do sleep 0.1; done")).unwrap();
-        let id = program.child.id();
-        assert!(matches!(program.child.try_wait(), Ok(None)));
+        let id = program.program.child.id();
+        assert!(matches!(program.program.child.try_wait(), Ok(None)));
         drop(program);
         assert!(!std::path::Path::new(&format!("/proc/{id}")).exists() || !cfg!(target_os = "linux"));
     }
