@@ -1,21 +1,31 @@
 //! Scene files that the operator names.
 
 use crate::failure::Failure;
+use clap::builder::{PathBufValueParser, TypedValueParser};
 use rig_config::{Scene, files};
-use std::path::Path;
+use std::path::{Path, PathBuf};
+
+/// What to do if a scene is neither here nor in the program's folder.
+const HINT: &str = "; name a scene that is there with --scene FILE";
+
+/// The parser of options that name a scene. A relative path that does not exist here is one of the folder that the program belongs
+/// to: the archive above `bin`, the checkout above `target/release`.
+pub(crate) fn parser() -> impl TypedValueParser<Value = PathBuf> {
+    PathBufValueParser::new().map(|path| {
+        let own = std::env::current_exe().unwrap_or_default();
+        let mut places = own.ancestors().skip(2).take(2).map(|folder| folder.join(&path));
+        let there = if path.exists() { None } else { places.find(|place| place.exists()) };
+        there.unwrap_or(path)
+    })
+}
 
 /// Checks that a scene file is there.
 ///
 /// # Errors
-/// Naming the file, and what to do if it is the default one.
+/// Naming the file, and what to do if it is not there.
 pub fn check(path: &Path) -> Result<(), Failure> {
     files::check_regular(path).map_err(|e| {
-        // The default is in the project's folder only.
-        let hint = if path.is_relative() && e.kind() == std::io::ErrorKind::NotFound {
-            "; run rigctl in the project's folder, or name a scene with --scene FILE"
-        } else {
-            ""
-        };
+        let hint = if e.kind() == std::io::ErrorKind::NotFound { HINT } else { "" };
         Failure::failed(format!("scene {}: {e}{hint}", path.display()))
     })
 }

@@ -6,7 +6,7 @@ use rigctl::failure::Failure;
 
 /// What the tool's messages name, and what it is in Python.
 const WORDS: [(&str, &str); 22] = [
-    ("; run rigctl in the project's folder, or name a scene with --scene FILE", ""),
+    ("; name a scene that is there with --scene FILE", ""),
     ("`rigctl home`", "`home()`"),
     ("`rigctl stop`", "`stop()`"),
     ("`rigctl clear`", "`clear()`"),

@@ -25,7 +25,8 @@ pub struct Global {
     #[arg(long, global = true, help_heading = EVERYWHERE)]
     pub json: bool,
     /// Configuration: constants of the mechanism and the actuator, load range, accuracy
-    #[arg(long, global = true, help_heading = EVERYWHERE, value_name = "FILE", default_value = "scenes/default.toml")]
+    #[arg(long, global = true, help_heading = EVERYWHERE, value_name = "FILE", default_value = "scenes/default.toml",
+        value_parser = scene_file::parser())]
     pub scene: PathBuf,
     /// Where the firmware is: `sim` (an emulated board that starts by itself), `auto` (the one ST-LINK that is plugged in) or a
     /// serial device [default: RIGCTL_PORT of the environment, else sim]

@@ -4,6 +4,7 @@
 use super::interrupt;
 use super::link::Port;
 use crate::failure::Failure;
+use crate::scene_file;
 use anyhow::{Context, anyhow};
 use clap::Args;
 use rig_plant::{Answer, Fault, PlantChange, PlantKey, Request, RigPreset, Run, Stats};
@@ -44,7 +45,7 @@ pub struct SimOptions {
         long_help = plant_help())]
     pub plant: Vec<PlantChange>,
     /// Scene that the emulated plant is built from, if it differs from the operator's --scene [default: --scene]
-    #[arg(long, global = true, help_heading = HEADING, value_name = "FILE")]
+    #[arg(long, global = true, help_heading = HEADING, value_name = "FILE", value_parser = scene_file::parser())]
     pub plant_scene: Option<PathBuf>,
     /// Program and arguments that stand in for the emulated mechanism and load: docs/reference/simulator.md
     #[arg(long, global = true, help_heading = HEADING, value_name = "CMD ARGS", conflicts_with = "plant_surface")]

@@ -1,7 +1,7 @@
 //! What a careless or hostile surrounding does to files and processes: FIFOs, links, full disks, interrupts, stuck children.
 #![cfg(unix)]
 
-use crate::common::{error_of, folder, lines, rigctl, root, text};
+use crate::common::{desktop, error_of, folder, lines, rigctl, root, text};
 use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
@@ -260,12 +260,35 @@ fn an_emulated_board_ends_with_who_started_it_in_the_middle_of_a_run() {
 }
 
 #[test]
-fn a_scene_that_is_not_there_is_told_with_what_to_do() {
+fn a_scene_is_found_from_any_folder_and_one_that_is_nowhere_is_told_with_what_to_do() {
     let folder = folder("elsewhere");
+    let elsewhere = |program: &Path, arguments: &[&str]| {
+        let mut command = Command::new(program);
+        command.args(arguments).current_dir(&folder).output().expect("it runs")
+    };
+    // The layout of an archive.
+    let archived = folder.join("archive/bin/rigctl");
+    for place in ["archive/bin", "archive/scenes"] {
+        std::fs::create_dir_all(folder.join(place)).expect("made");
+    }
+    std::fs::copy(env!("CARGO_BIN_EXE_rigctl"), &archived).expect("copied");
+    std::fs::copy(root().join("scenes/finger.toml"), folder.join("archive/scenes/default.toml")).expect("copied");
+    let built = Path::new(env!("CARGO_BIN_EXE_rigctl"));
+    let solve = ["--json", "solve", "--load", "1N", "--turns", "1"];
+    let of = |scene| desktop(&[&solve[..], &["--scene", scene]].concat()).stdout;
+    let (own, archives) = (of("scenes/default.toml"), of("scenes/finger.toml"));
+    assert_ne!(own, archives);
+    for (program, expected) in [(built, own), (&archived, archives)] {
+        let output = elsewhere(program, &solve);
+        assert_eq!(output.stdout, expected, "{}: {}", program.display(), error_of(&output));
+    }
+    // The emulator is told where the scenes are, too.
+    let output = elsewhere(built, &["status", "--plant-scene", "scenes/default.toml"]);
+    assert!(output.status.success(), "{}", error_of(&output));
     for arguments in [&["solve", "--load", "1N", "--turns", "1"][..], &["status"], &["sim"]] {
-        let output = tool(arguments).current_dir(&folder).output().expect("rigctl runs");
+        let output = elsewhere(built, &[arguments, &["--scene", "scenes/none.toml"]].concat());
         let said = error_of(&output);
         assert_eq!(output.status.code(), Some(1), "{arguments:?}: {said}");
-        assert!(said.contains("scenes/default.toml") && said.contains("--scene FILE"), "{arguments:?}: {said}");
+        assert!(said.contains("scenes/none.toml") && said.contains("--scene FILE"), "{arguments:?}: {said}");
     }
 }
