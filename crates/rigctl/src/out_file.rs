@@ -24,7 +24,7 @@ impl OutFile {
     ///
     /// # Errors
     /// Naming the file.
-    pub fn begin(self) -> Result<Box<dyn Write>, Failure> {
+    pub fn begin(self) -> Result<Box<dyn Write + Send>, Failure> {
         let new = Replacement::new(&self.0).map_err(|e| unwritable(&self.0, &e))?;
         Ok(Box::new(BufWriter::new(Growing { path: self.0, new })))
     }

@@ -205,7 +205,7 @@ mod _core {
     #[pymodule_export]
     use super::bench::{Bench, Plant};
     #[pymodule_export]
-    use super::rig::{Board, Motion};
+    use super::rig::{Board, Motion, Recording};
     #[pymodule_export]
     use super::tool::{refit, tool};
     #[pymodule_export]

@@ -9,7 +9,9 @@ use rig_link::{LoadChoice, Request};
 use rig_plant::{PlantChange, PlantKey};
 use rigctl::board_settings;
 use rigctl::commands::{calibrate::Calibrate, config::Config, sweep::Sweep, *};
+use rigctl::diagnosis::examine;
 use rigctl::failure::Failure;
+use rigctl::log::{Header, Recorder};
 use rigctl::lvdt_points::Point;
 use rigctl::out_file::OutFile;
 use rigctl::output::Output;
@@ -20,6 +22,7 @@ use rigctl::session::{Place, Session, Target, homing, motion, stream, table};
 use rigctl::trajectory::Trajectory;
 use serde_json::json;
 use std::ffi::CString;
+use std::io::Write;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError};
@@ -221,6 +224,28 @@ impl Motion {
     }
 }
 
+/// A log that is being written.
+#[pyclass(frozen)]
+pub(crate) struct Recording {
+    shared: Arc<Shared>,
+    /// `None` after [`Recording::end`].
+    recorder: Mutex<Option<Recorder<Box<dyn Write + Send>>>>,
+}
+
+#[pymethods]
+impl Recording {
+    /// Ends the log, which says what broke it off; that is then raised.
+    fn end(&self, py: Python<'_>, broken_off: Option<String>) -> PyResult<String> {
+        let recorder = locked(&self.recorder).take();
+        json(&self.shared.with(py, |session, _| {
+            let result = broken_off.map_or(Ok(()), |why| Err(Failure::failed(why)));
+            let (rows, ()) = recorder.ok_or_else(closed)?.end(session, result)?;
+            let lost_frames = session.link.lost_frames();
+            Ok(json!({"rows": rows, "lost_rows": session.lost_rows(), "lost_frames": lost_frames}))
+        })?)
+    }
+}
+
 #[pymethods]
 impl Board {
     /// Connects: `sim` starts an emulated board whose programs are in a folder, anything else is a serial device. With `any_table`
@@ -352,6 +377,22 @@ impl Board {
 
     fn status(&self, py: Python<'_>) -> PyResult<String> {
         self.0.command(py, status::of)
+    }
+
+    fn doctor(&self, py: Python<'_>, turn: bool, home: bool) -> PyResult<String> {
+        json(&self.0.with(py, |session, target| {
+            let scene = rigctl::scene_file::load_rig(&target.scene)?;
+            Ok(doctor::report(&examine(session, &scene, turn, home)?, target.port(), target.rig()))
+        })?)
+    }
+
+    /// Begins a log of everything that passes.
+    fn record(&self, py: Python<'_>, out: PathBuf) -> PyResult<Recording> {
+        let recorder = self.0.with(py, |session, target| {
+            let head = Header::new(target, session, "record")?;
+            Recorder::new(OutFile::new(&out)?.begin()?, &head, session)
+        })?;
+        Ok(Recording { shared: self.0.clone(), recorder: Mutex::new(Some(recorder)) })
     }
 
     /// The paper's experiment. On an emulated rig the load is hung first.

@@ -175,6 +175,36 @@ def test_it_calibrates_jogs_sweeps_and_says_its_status(tmp_path: Path) -> None:
         assert zero["position_before_m"] == pytest.approx(0.004, abs=2e-4) and abs(zero["position_m"]) < 5e-5
 
 
+def test_what_passes_is_a_log_and_a_board_is_examined(tmp_path: Path) -> None:
+    with emulated() as rig:
+        log = rig.record(tmp_path / "rest.csv", 0.5)
+        told = tsa_rig.read_log(tmp_path / "rest.csv")
+        assert log == {"rows": 50, "lost_rows": 0, "lost_frames": 0} and len(told["t_s"]) == 50
+        for seconds in (0.0, np.nan, np.inf):
+            with pytest.raises(tsa_rig.ArgumentError, match="seconds"):
+                rig.record(tmp_path / "none.csv", seconds)
+        with rig.recording(tmp_path / "move.csv") as log:
+            rig.home()
+            rig.move(0.004)
+        told = tsa_rig.read_log(tmp_path / "move.csv")
+        assert len(told["t_s"]) == log["rows"] and told["position_m"][-1] == pytest.approx(0.004, abs=2e-4)
+        assert "request move 0.004" in (tmp_path / "move.csv").read_text()
+        with pytest.raises(KeyError), rig.recording(tmp_path / "broken.csv"):
+            raise KeyError("mine")
+        assert "# broken_off = KeyError: 'mine'" in (tmp_path / "broken.csv").read_text()
+        assert tsa_rig.read_log(tmp_path / "broken.csv") == {}, "nothing has passed"
+        with pytest.raises(tsa_rig.OperationError, match="nowhere"):
+            rig.record("/nowhere/log.csv", 1.0)
+
+        found = rig.doctor()
+        assert found["ok"] and found["port"] == "sim" and found["rig"] == "nominal"
+        assert {"state", "drive", "LVDT", "link"} <= {check["name"] for check in found["checks"]}
+    with tsa_rig.Rig("sim", scene=SCENE, programs=PROGRAMS, plant={"supply_voltage": "10V"}) as rig:
+        found = rig.doctor()
+        wrong = [check for check in found["checks"] if not check["ok"]]
+        assert not found["ok"] and wrong and all(check["advice"] for check in wrong)
+
+
 def test_a_board_gets_the_table_of_another_scene(tmp_path: Path) -> None:
     other = tmp_path / "other.toml"
     other.write_text(SCENE.read_text().replace("rod_radius_m = 0.0005", "rod_radius_m = 0.00051"))

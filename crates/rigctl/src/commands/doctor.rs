@@ -1,12 +1,12 @@
 //! `doctor`: is the rig well, and if not, what to do.
 
-use crate::diagnosis::{check, examine};
+use crate::diagnosis::{Check, check, examine};
 use crate::failure::Failure;
 use crate::options::Global;
 use crate::output::Output;
 use crate::session::Wanted;
 use clap::Args;
-use serde_json::json;
+use serde_json::{Value, json};
 
 /// Diagnose board and actuator; print a fix for each failure
 ///
@@ -51,11 +51,16 @@ pub fn run(global: &Global, &Doctor { turn, home }: &Doctor, output: &mut Output
     let emulated = global.is_emulated().then(|| global.emulated()).transpose()?;
     let port = emulated.as_ref().map_or(global.port(), |options| format!("sim (a fresh {options})"));
     let rig = emulated.map(|options| options.preset().name());
-    output.object(&json!({"ok": well, "port": global.port(), "rig": rig, "checks": checks}))?;
+    output.object(&report(&checks, &global.port(), rig))?;
     output.line(format!("rigctl {} looking at {port}", env!("CARGO_PKG_VERSION")))?;
     for c in &checks {
         let advice = c.advice.as_ref().map_or(String::new(), |a| format!(": {a}"));
         output.line(format!("{:<5} {:<9} {}{advice}", if c.ok { "ok" } else { "CHECK" }, c.name, c.seen))?;
     }
     if well { Ok(()) } else { Err(Failure::Reported) }
+}
+
+/// The checks as JSON, of the board at a port; `rig` is the kind of an emulated one.
+pub fn report(checks: &[Check], port: &str, rig: Option<&str>) -> Value {
+    json!({"ok": checks.iter().all(|c| c.ok), "port": port, "rig": rig, "checks": checks})
 }

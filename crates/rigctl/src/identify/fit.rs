@@ -1,6 +1,6 @@
 //! The least squares, and what the data can tell of the unknowns.
 
-use super::constants::{MAX, Number, Unknowns};
+use super::constants::{Constant, MAX, Number, Unknowns};
 use super::data::{Data, Quantity, Row};
 use super::hysteresis::{Loop, load_fraction, loops, slopes};
 use crate::statistics::{Errors, Noise, half_width};
@@ -67,6 +67,12 @@ pub struct Fitted {
 pub struct Estimate {
     /// Its name.
     pub name: String,
+    /// Its value (SI units; of the modulus a1, in Pa): what a logarithm stands for.
+    pub value: f64,
+    /// Where the interval begins that holds the true value nine times in ten.
+    pub low: f64,
+    /// Where it ends.
+    pub high: f64,
     /// The unknown as fitted: a logarithm, for a positive constant; its value stands in the scene.
     pub unknown: f64,
     /// Its standard error: of a positive constant, relative.
@@ -391,11 +397,14 @@ pub fn fit(unknowns: &Unknowns, start: &Parameters, data: &Data, shifts: &[f64])
         return Err(IdentifyError::Undetermined { constants: weak.join(", "), why });
     }
     let x = problem.x.as_slice().to_vec();
-    let estimate = |k: usize| Estimate {
-        name: labels[k].clone(),
-        unknown: x[k],
-        standard_error: error(k),
-        half_width_90: half_width(estimated[(k, k)], covariance[(k, k)] - estimated[(k, k)], noise.freedom),
+    let estimate = |k: usize| {
+        let half_width_90 = half_width(estimated[(k, k)], covariance[(k, k)] - estimated[(k, k)], noise.freedom);
+        let [value, low, high] = [0.0, -half_width_90, half_width_90].map(|by| match Constant::named(&labels[k]) {
+            Some(Constant::Modulus) => start.stress_coefficients_pa[0] * (x[k] + by).exp(),
+            Some(_) => (x[k] + by).exp(),
+            None => x[k] + by,
+        });
+        Estimate { name: labels[k].clone(), value, low, high, unknown: x[k], standard_error: error(k), half_width_90 }
     };
     let estimates = (0..m).map(estimate).collect();
     let correlation = |i: usize, j: usize| covariance[(i, j)] / (covariance[(i, i)] * covariance[(j, j)]).sqrt();

@@ -132,6 +132,20 @@ fn noise_moves_the_constants_by_what_the_standard_errors_say() {
         assert!(error > 1e-5 && error < 0.2, "{name}: standard error {error}");
         assert!((found - truth).abs() < 3.0 * error, "{name}: {found} against {truth}, standard error {error}");
     }
+    // Values with their bounds are those of the scene, not their logarithms.
+    let scene = &fit["scene"];
+    for (name, place) in [("k2", "/string/k2"), ("modulus", "/material/stress_coefficients_pa/0")] {
+        let estimates = fit["estimates"].as_array().unwrap();
+        let estimate = estimates.iter().find(|e| e["name"] == name).unwrap_or_else(|| panic!("{name}: {estimates:?}"));
+        let [value, low, high, half] =
+            ["value", "low", "high", "half_width_90"].map(|key| estimate[key].as_f64().unwrap());
+        let in_scene = scene.pointer(place).and_then(Value::as_f64).unwrap();
+        assert!((value / in_scene - 1.0).abs() < 1e-12, "{name}: {value} against {in_scene}");
+        assert!(
+            low < value && value < high && ((high / low).ln() / (2.0 * half) - 1.0).abs() < 1e-9,
+            "{name}: {estimate}"
+        );
+    }
     for (part, max) in [("fitted", 28e-6), ("held_out", 60e-6)] {
         let rms = fit[part]["rms"].as_f64().unwrap();
         assert!((14e-6..max).contains(&rms), "{part}: {rms}");

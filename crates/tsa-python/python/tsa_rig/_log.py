@@ -28,7 +28,7 @@ def read_log(path: str | PathLike[str]) -> dict[str, NDArray[np.float64] | NDArr
         raise of_kind("no-file", f"{path}: there is no such log") from None
     if not lines or not lines[0].startswith(FORMAT):
         raise wrong(f"{path}: not a log of this tool: its first line is no `{FORMAT} …`")
-    names, *rows = csv.reader(line for line in lines if line and not line.startswith("#")) or [[]]
+    names, *rows = list(csv.reader(line for line in lines if line and not line.startswith("#"))) or [[]]
     ends = [line.removeprefix(END) for line in lines if line.startswith(END)]
     if ends != [str(len(rows))] or any(len(row) != len(names) for row in rows):
         raise wrong(f"{path}: cut short after {len(rows)} rows")

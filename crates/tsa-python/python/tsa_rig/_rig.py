@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import asyncio
 import json
+import math
 import threading
 from collections.abc import AsyncIterator, Generator, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from os import fspath
 from pathlib import Path
 from types import TracebackType
@@ -15,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _core
-from ._errors import of_kind, wrong
+from ._errors import OperationError, of_kind, wrong
 from ._model import numbers
 from ._places import DEFAULT_SCENE, FilePath, program
 from ._places import scene as _scene
@@ -284,6 +286,43 @@ class Rig:
     def status(self) -> Object:
         """The board's identity, state and readings, after listening for a second. Keys as `rigctl status --json`."""
         return dict(json.loads(self._board.status()))
+
+    def doctor(self, turn: bool = False, home: bool = False) -> Object:
+        """Checks board and rig: `ok`, `port`, `rig` and the list `checks`, each with `name`, `ok`, `seen`, `advice`.
+
+        As `rigctl doctor --json`, after listening for two seconds. `turn` turns the strings by a hundredth of a turn
+        each way first, to compare the directions of motor and encoders; `home` homes, and turns them by a third of a
+        turn and back. What is not well is in the checks; OperationError is raised if the board does not answer.
+        """
+        return dict(json.loads(self._board.doctor(turn, home)))
+
+    def record(self, file: FilePath, seconds: float) -> Object:
+        """Lets time pass (s) and writes a log of it. Keys of the answer and errors are those of `recording`.
+
+        Raises ArgumentError for a time that is not above 0 and finite.
+        """
+        if not 0.0 < seconds < math.inf:
+            raise wrong(f"seconds {seconds} must be above 0 and finite")
+        with self.recording(file) as log:
+            self.wait(seconds)
+        return log
+
+    @contextmanager
+    def recording(self, file: FilePath) -> Iterator[Object]:
+        """Writes a log of what passes in a `with` block, as `rigctl record` does: telemetry, requests and events.
+
+        `read_log`, `rigctl replay` and `rigctl export` read it. The value of `with` is a dictionary that has `rows`,
+        `lost_rows` and `lost_frames` after the block. An exception that ends the block is named at the log's end.
+        Raises OperationError, naming the file, if it cannot be written.
+        """
+        recording, log = self._board.record(fspath(file)), Object()
+        try:
+            yield log
+        except BaseException as error:
+            with suppress(OperationError):
+                recording.end(f"{type(error).__name__}: {error}")
+            raise
+        log.update(json.loads(recording.end(None)))
 
     def wait(self, seconds: float) -> None:
         """Lets time pass (s), also that of a motion which goes on."""

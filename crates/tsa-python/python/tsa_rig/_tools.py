@@ -37,6 +37,10 @@ def identify(
 ) -> dict[str, Any]:
     """Fits a scene's constants to recorded sweeps, as `rigctl identify` does, and says how far they can be trusted.
 
+    Keys as `rigctl identify --json`. Each of the list `estimates` is a constant: its `name`, `value` and the 90 %
+    interval from `low` to `high`, in SI units (`modulus` is a1, Pa). `unknown` is what was fitted, the logarithm of a
+    positive constant; `standard_error` and `half_width_90` are those of `unknown`.
+
     `out` is the scene file to write, `law` fixes the radius law, `plan` asks which sweep would tell most. Raises
     OperationError, naming the file, if the sweeps cannot be of one rig.
     """

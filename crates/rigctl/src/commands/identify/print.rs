@@ -30,12 +30,8 @@ pub fn fit(fit: &Fit, fitted: &Scene, unit: Unit, output: &mut Output) -> Result
         NUMBER.number(fit.effective_rows, 10.0)
     ))?;
     for e in &fit.estimates {
-        let (value, error) = match Constant::named(&e.name) {
-            Some(Constant::Modulus) => (fit.base.stress_coefficients_pa[0] * e.unknown.exp(), None),
-            Some(_) => (e.unknown.exp(), None),
-            None => (e.unknown, Some(e.half_width_90)),
-        };
-        output.line(format!("  {:<18} {}", e.name, NUMBER.within(value, error.unwrap_or(value * e.half_width_90))))?;
+        let unit = Constant::named(&e.name).map_or(1.0, |_| e.value);
+        output.line(format!("  {:<18} {}", e.name, NUMBER.within(e.value, unit * e.half_width_90)))?;
     }
     let curves = [Constant::OddCurve, Constant::Curve];
     if fit.unknowns.constants.iter().any(|c| curves.contains(c)) {
