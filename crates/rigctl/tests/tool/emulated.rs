@@ -345,8 +345,15 @@ fn the_frequency_response_of_an_ideal_rig_is_that_of_a_loop_that_follows() {
     let out = file("response.csv");
     let path = out.to_str().expect("a path");
     let asked = ["response", "--from", "1Hz", "--to", "3Hz", "--periods", "2", "--amplitude", "0.2mm", "--out", path];
-    let output = rigctl(&[&asked[..], &["--json", "--rig", "ideal", "--plant", "load=0.5kg,friction=0"]].concat());
+    let svg = file("response.svg");
+    let figure = ["--figure", svg.to_str().expect("a path")];
+    let plant = ["--json", "--rig", "ideal", "--plant", "load=0.5kg,friction=0"];
+    let output = rigctl(&[&asked[..], &figure, &plant].concat());
     assert!(output.status.success(), "{}", error_of(&output));
+    let drawn = std::fs::read_to_string(&svg).expect("a picture");
+    for text in ["Frequency response at 8 mm ± 0.2 mm", "gain (mm/rad)", "phase (°)", "coherence", "emulated board"] {
+        assert!(drawn.contains(text), "{text}");
+    }
     let measured = lines(&output).pop().expect("a result");
     let text = std::fs::read_to_string(&out).expect("a file");
     let rows: Vec<Vec<f64>> = text
@@ -356,13 +363,15 @@ fn the_frequency_response_of_an_ideal_rig_is_that_of_a_loop_that_follows() {
         .collect();
     assert_eq!(text.lines().next().map(|head| head.split(',').count()), Some(9));
     assert_eq!(measured["lines"].as_array().map(Vec::len), Some(rows.len()));
-    for row in rows {
+    for row in &rows {
         let [frequency_hz, gain, _, phase_deg, coherence, by_twist, ..] = row[..] else { panic!("{row:?}") };
         // The set-point is fed forward, and the mechanism is its transmission ratio below its resonance.
         assert!((0.95..1.25).contains(&gain) && coherence > 0.99, "{frequency_hz} Hz: {gain}, {coherence}");
         assert!((-10.0..5.0).contains(&phase_deg) && (4e-4..7e-4).contains(&by_twist), "{phase_deg}, {by_twist}");
     }
-    for wrong in [["--from", "3Hz"], ["--to", "9Hz"], ["--amplitude", "50mm"]] {
+    // A dot for each frequency in six panels.
+    assert_eq!(drawn.matches("<circle").count(), 6 * rows.len());
+    for wrong in [["--from", "3Hz"], ["--to", "9Hz"], ["--amplitude", "50mm"], ["--figure", path]] {
         let refused = rigctl(&[&["response", "--out", path, "--to", "2Hz"][..], &wrong].concat());
         assert!(
             !refused.status.success() && error_of(&refused).contains(wrong[0]),

@@ -1,5 +1,7 @@
 //! `response`: the frequency response of the loop and of the mechanism, from a set-point that is a sum of cosines.
 
+mod figure;
+
 use super::motion::home_first;
 use crate::failure::Failure;
 use crate::options::Global;
@@ -10,7 +12,7 @@ use crate::plan::Plan;
 use crate::session::row::Row;
 use crate::session::{Wanted, stream};
 use crate::trajectory::{EVERY_S, Trajectory};
-use crate::units::{HZ, Quantity};
+use crate::units::{HZ, MM, Quantity};
 use clap::Args;
 use rig_control::homing::NINETY_PERCENT;
 use rig_link::{LoadChoice, State};
@@ -53,6 +55,9 @@ pub struct Response {
     /// File to write
     #[arg(long, value_name = "FILE.csv")]
     out: PathBuf,
+    /// Picture to write: gain, phase and coherence over frequency
+    #[arg(long, value_name = "FILE.svg")]
+    figure: Option<PathBuf>,
 }
 
 /// From an input to an output, at one frequency.
@@ -102,8 +107,12 @@ impl Response {
         }
         let (trajectory, places) = self.trajectory().map_err(|why| Failure::Usage(format!("--amplitude: {why}")))?;
         let scene = global.scene()?;
-        let out = OutFile::new(&self.out)?;
-        let mut session = global.target()?.connect(Wanted::OfScene)?;
+        if self.figure.as_ref() == Some(&self.out) {
+            return Err(Failure::Usage(format!("--figure {}: this is the file of --out", self.out.display())));
+        }
+        let (out, picture) = (OutFile::new(&self.out)?, self.figure.as_deref().map(OutFile::new).transpose()?);
+        let target = global.target()?;
+        let mut session = target.connect(Wanted::OfScene)?;
         let values = session.settings()?.values;
         let possible = |load_n| {
             let checked = Plan::new(&scene, values, load_n)?.check_trajectory(&trajectory);
@@ -126,6 +135,11 @@ impl Response {
             text.serialize(line).map_err(|e| Failure::failed(e.to_string()))?;
         }
         out.write(text.into_inner().map_err(|e| Failure::failed(e.to_string()))?)?;
+        if let Some(picture) = picture {
+            let [at, amplitude] = [self.at, self.amplitude].map(|length| MM.exact(length));
+            let board = target.emulated().map_or_else(|| format!("board at {}", target.port()), ToString::to_string);
+            picture.write(figure::figure(&lines, format!("Frequency response at {at} ± {amplitude}"), board)?)?;
+        }
         let peak = lines.iter().map(|line| line.loop_gain).fold(0.0, f64::max);
         let bandwidth_hz = bandwidth_hz(&lines);
         output.object(&Measured {
@@ -136,12 +150,13 @@ impl Response {
             lines: &lines,
         })?;
         let bandwidth = bandwidth_hz.map_or_else(|| format!("above {}", HZ.exact(self.to)), |hz| HZ.show(hz));
+        let files = std::iter::once(&self.out).chain(&self.figure);
         output.named([
             ("frequencies", format!("{} from {} to {}", lines.len(), HZ.exact(self.from), HZ.exact(self.to))),
             ("bandwidth", bandwidth + " (-3 dB, set-point to position)"),
             ("peak gain", format!("{peak:.3}")),
             ("limit", streamed.limit_text()),
-            ("written", self.out.display().to_string()),
+            ("written", files.map(|file| file.display().to_string()).collect::<Vec<_>>().join(", ")),
         ])?;
         Ok(())
     }
@@ -264,7 +279,7 @@ mod tests {
     use super::*;
 
     fn response(from: f64, to: f64) -> Response {
-        Response { at: 8e-3, amplitude: 1e-3, from, to, periods: 4, out: PathBuf::new() }
+        Response { at: 8e-3, amplitude: 1e-3, from, to, periods: 4, out: PathBuf::new(), figure: None }
     }
 
     #[test]
