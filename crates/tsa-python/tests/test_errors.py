@@ -33,6 +33,14 @@ def test_a_missing_file_is_no_bad_scene(tmp_path: Path) -> None:
     assert refused(scene.with_constants, radius=1.0).kind == "bad-request"
 
 
+def test_a_scene_is_found_from_a_folder_below_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "mine.toml").write_text(DEFAULT.read_text())
+    (tmp_path / "deep" / "er").mkdir(parents=True)
+    monkeypatch.chdir(tmp_path / "deep" / "er")
+    tsa_rig.Scene.load("mine.toml")
+    assert refused(tsa_rig.Scene.load, "theirs.toml").kind == "no-file"
+
+
 def test_they_are_also_pythons_own_and_survive_a_pickle() -> None:
     for error, own in (
         (tsa_rig.ArgumentError, ValueError),

@@ -20,12 +20,13 @@ _SUFFIX = ".exe" if sys.platform == "win32" else ""
 
 
 def scene(path: FilePath) -> Path:
-    """A scene file: this path, or the package's own file of this relative path.
+    """A scene file: this path, or the file of this relative path in the package or in a folder above the present one.
 
-    Raises MissingFileError (a FileNotFoundError) if neither is there.
+    Raises MissingFileError (a FileNotFoundError) if none is there.
     """
     given = Path(path)
-    found = next((place for place in (given, _OWN / given) if place.is_file()), None)
+    places = (given, _OWN / given, *(folder / given for folder in Path.cwd().parents))
+    found = next((place for place in places if place.is_file()), None)
     if found is None:
         raise of_kind("no-file", f"scene {fspath(path)} is not there")
     return found
