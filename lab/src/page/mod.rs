@@ -147,6 +147,11 @@ impl Arguments {
         if let Some(folder) = self.charts.as_ref().filter(|folder| !folder.is_dir()) {
             return Err(Failure::failed(format!("--charts {}: there is no such folder", folder.display())));
         }
+        if self.charts.is_none() {
+            eprintln!(
+                "the charts are computed first, which takes minutes; --charts DIR takes those of `tsa-lab chart`"
+            );
+        }
         let mut figures = Vec::new();
         for kind in chart::FIGURES {
             let (name, title, ..) = kind;
