@@ -202,3 +202,21 @@ fn a_string_that_slips_after_the_sweeps_is_noticed() {
     bench.while_in(State::Homing);
     assert_eq!(bench.events, [EventKind::HomingRefused(HomingFailure::Shifted)]);
 }
+
+#[test]
+fn a_load_that_is_homed_after_a_heavier_one_has_the_larger_error_and_a_given_one_has_not() {
+    let error_n = |before_n: f32, load| {
+        let mut bench = Bench::new(before_n, 0.0, 9.0);
+        bench.home();
+        bench.run(60);
+        bench.load_n = 5.0;
+        bench.run(500);
+        bench.begin(Request::Home { load });
+        bench.while_in(State::Homing);
+        bench.rig.homed().unwrap_or_else(|| panic!("{before_n} N: {:?}", bench.events)).found.load_error_n
+    };
+    let [fresh_n, after_n] = [5.0, 10.0].map(|before_n| error_n(before_n, LoadChoice::Auto));
+    assert!(after_n > 1.2 * fresh_n, "{after_n} N after {fresh_n} N");
+    let [fresh_n, after_n] = [5.0, 10.0].map(|before_n| error_n(before_n, LoadChoice::Known(5.0)));
+    assert!((after_n / fresh_n - 1.0).abs() < 0.2, "{after_n} N after {fresh_n} N");
+}
