@@ -1,19 +1,19 @@
 //! A step of the LVDT that no load makes: the sensor, its core or its conditioner has shifted.
 //!
-//! A load on elastic strings swings: even the lightest on hardly twisted strings takes 25 ms for half of its oscillation, so a
-//! millimetre within 20 ms means that it moves before or after as well. A gap that stands, steps and stands again is the
-//! sensor's doing.
+//! A load on elastic strings swings. Even the lightest on strings at the half-turn pre-twist takes 30 ms for half of its oscillation,
+//! and friction can stop it there: of a millimetre within 20 ms it then moves a fifth before or after. A gap that goes on as
+//! before, steps, and goes on as before is the sensor's doing.
 //! A smaller or slower shift looks like another load (`load-unknown`).
 
 /// Minimum step (m) within [`STEP_TICKS`].
 const JUMP_M: f32 = 1.0e-3;
 /// Blocks of samples are 6 ms long: a step within one is spread over two ticks at most.
 const STEP_TICKS: usize = 2;
-/// Ticks before and after the step in which the gap must go on as a motor moves it.
+/// Ticks before and after the step in which the gap must go on evenly, as a motor moves it.
 const CALM_TICKS: usize = 3;
-/// The step is at least this many times the gap's way in the calm ticks before and after together: all of it, because an oscillation
-/// about its turning point comes back to where it was.
-const CLEAR_FACTOR: f32 = 3.0;
+/// The step is at least this many times the way in the calm ticks, both less what an even motion does: all of it, because an
+/// oscillation about its turning point comes back to where it was. Half an oscillation of 30 ms has less.
+const CLEAR_FACTOR: f32 = 5.0;
 
 /// Ticks without a reading that may lie between: the block in which the step falls is too noisy to be a position.
 const MISSING_TICKS: u8 = 2;
@@ -48,19 +48,16 @@ impl LvdtJump {
         self.gaps_m[LENGTH - 1] = gap_m;
         self.count = (self.count + 1).min(LENGTH);
         let (before, after) = (&self.gaps_m[..=CALM_TICKS], &self.gaps_m[CALM_TICKS + STEP_TICKS..]);
-        let step_m = (after[0] - before[CALM_TICKS]).abs();
-        let jumped =
-            self.count == LENGTH && step_m > JUMP_M.max(CLEAR_FACTOR * (distance_m(before) + distance_m(after)));
+        let moves_m = || before.windows(2).chain(after.windows(2)).map(|pair| pair[1] - pair[0]);
+        let even_m = moves_m().sum::<f32>() / (2 * CALM_TICKS) as f32;
+        let uneven_m: f32 = moves_m().map(|m| (m - even_m).abs()).sum();
+        let step_m = (after[0] - before[CALM_TICKS] - STEP_TICKS as f32 * even_m).abs();
+        let jumped = self.count == LENGTH && step_m > JUMP_M.max(CLEAR_FACTOR * uneven_m);
         if jumped {
             self.count = 0;
         }
         jumped
     }
-}
-
-/// How far a gap went (m).
-fn distance_m(gaps_m: &[f32]) -> f32 {
-    gaps_m.windows(2).map(|pair| (pair[1] - pair[0]).abs()).sum()
 }
 
 #[cfg(test)]
@@ -96,6 +93,13 @@ mod tests {
                 };
                 assert_eq!(jumps(oscillation), 0, "{frequency} rad/s");
             }
+        }
+        // A load that has become lighter at once, and that friction stops after half an oscillation of 30 ms or more.
+        for (half_ms, begin) in (30..=60u8).flat_map(|half_ms| (0..20u8).map(move |begin| (half_ms, begin))) {
+            let (half, begin) = (0.1 * f32::from(half_ms), 100.0 + 0.05 * f32::from(begin));
+            let stopped =
+                |k: f32| 0.08 - 2e-3 * (1.0 - (core::f32::consts::PI * ((k - begin) / half).clamp(0.0, 1.0)).cos());
+            assert_eq!(jumps(stopped), 0, "{half_ms} ms");
         }
         // A fall to the stop, 5 cm lower.
         let fall = |k: f32| {
