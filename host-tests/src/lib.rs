@@ -9,6 +9,7 @@ pub mod following;
 pub mod full_speed;
 pub mod limit;
 pub mod load_changes;
+pub mod loop_gain;
 pub mod margins;
 pub mod physical_limit;
 pub mod results;

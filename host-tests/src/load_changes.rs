@@ -7,7 +7,7 @@ use crate::study::each;
 use crate::{ControlBench, ControlLaw, booted, constants, table};
 use lab::chart::margin::DAMPING;
 use rig_control::TICK_S;
-use rig_link::messages::{LoadChoice, State};
+use rig_link::messages::{LoadChoice, Request, Setting, State};
 use rig_plant::units::STANDARD_GRAVITY;
 use std::fmt;
 
@@ -167,6 +167,7 @@ pub fn homed_under(subject: &Subject, load_kg: f64) -> Result<ControlBench, Stri
     let rig = subject.switched_on(load_kg * STANDARD_GRAVITY).map_err(|e| e.to_string())?;
     let mut bench = ControlBench::on(rig, booted());
     bench.home()?;
+    bench.ask(Request::SetSetting { setting: Setting::LoopGain, value: subject.loop_gain })?;
     bench.run(0.5);
     Ok(bench)
 }

@@ -8,8 +8,8 @@ use crate::load_changes::{brought, hang};
 use crate::rigs::subject::Subject;
 use crate::study::{Rigs, Study, each};
 use crate::{ControlBench, scene};
-use anyhow::{Result, anyhow};
-use lab::chart::margin::{LinearLoop, OperatingPoint};
+use anyhow::{Context, Result, anyhow};
+use lab::chart::margin::{LinearLoop, OperatingPoint, with_constants_off};
 use rig_control::{Inputs, LvdtBlock, TICK_S};
 use rig_link::messages::State;
 use rig_plant::units::STANDARD_GRAVITY;
@@ -32,6 +32,8 @@ const OSCILLATIONS_M: f64 = 300e-6;
 const GAIN_STEP: f64 = 1.1;
 const DELAY_STEP_S: f64 = 0.004;
 const TRIED: i32 = 25;
+/// Longest delay that is computed (s).
+const MAX_DELAY_S: f64 = 0.2;
 
 /// What is put into the open loop.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -97,6 +99,41 @@ pub fn oscillation_m(mut bench: ControlBench, load_kg: f64, kept: f64, loosened:
     Ok(range_m[1] - range_m[0])
 }
 
+/// The mechanism in 64 states: loads and twists over the whole range.
+///
+/// # Errors
+/// If it has no equilibrium in one of them.
+pub fn states(mechanism: &Mechanism) -> Result<Vec<OperatingPoint>> {
+    let envelope = scene().envelope.as_ref().context("the default scene has an envelope")?;
+    let [min_n, max_n] = envelope.load_n;
+    let part = |k: u32| f64::from(k) / 7.0;
+    let load_n = |k: u32| min_n * (max_n / min_n).powf(part(k));
+    let states = (0..8).flat_map(|i| (0..8).map(move |j| (load_n(i), twist_from_turns(7.5 * part(j)))));
+    Ok(states.map(|(load_n, twist_rad)| OperatingPoint::at(mechanism, load_n, twist_rad)).collect::<Result<_, _>>()?)
+}
+
+/// The computed margins of a loop where they are smallest: gain, peak of the sensitivity, and further delay (s), over the whole range
+/// of the table and with its constants a tenth off.
+///
+/// # Errors
+/// If a mechanism cannot be made.
+pub fn smallest(loop_gain: f64) -> Result<[f64; 3]> {
+    let table = states(&scene().mechanism()?)?;
+    let mut worst = [f64::INFINITY, 0.0, f64::INFINITY];
+    for mechanism in with_constants_off(scene())? {
+        for (hung, believed) in states(&mechanism)?.iter().zip(&table) {
+            let c = LinearLoop { loop_gain, ..LinearLoop::damped_for(believed) };
+            let [gain, peak, delay_s] = worst;
+            worst = [
+                gain.min(hung.gain_margin(&c)),
+                peak.max(hung.peak_sensitivity(&c)),
+                delay_s.min(hung.delay_margin(&c, MAX_DELAY_S)),
+            ];
+        }
+    }
+    Ok(worst)
+}
+
 /// Rig, load and place.
 #[derive(Clone, Debug)]
 struct Place {
@@ -113,18 +150,40 @@ struct Place {
 /// # Errors
 /// If a rig fails.
 pub fn study(rigs: &Rigs) -> Result<Study> {
-    let mut places = Vec::new();
-    for rig in self::rigs(rigs) {
-        for load_kg in LOADS_KG {
-            places.extend(POSITIONS_M.map(|at_m| Place { rig: rig.clone(), load_kg, at_m }));
-        }
-    }
+    let places = places(self::rigs(rigs));
     let margins = each(rigs.jobs, &places, Place::margins);
     let of = |(place, margins): (Place, Result<Margins, String>)| {
         let margins = margins.map_err(|why| anyhow!("{}, {} kg: {why}", place.rig.0, place.load_kg))?;
         Ok((format!("{}, {} kg", place.rig.1, place.load_kg), place.at_m, margins))
     };
     Ok(table(&places.into_iter().zip(margins).map(of).collect::<Result<Vec<_>>>()?))
+}
+
+/// Every load and position on every rig.
+fn places(rigs: Vec<(Subject, String)>) -> Vec<Place> {
+    let mut places = Vec::new();
+    for rig in rigs {
+        for load_kg in LOADS_KG {
+            places.extend(POSITIONS_M.map(|at_m| Place { rig: rig.clone(), load_kg, at_m }));
+        }
+    }
+    places
+}
+
+/// The measured gain margins of all loads and positions on these rigs, 0 where a load swings without a change of the loop.
+///
+/// # Errors
+/// If a load cannot be brought to its place.
+pub fn measured_gains(subjects: &[Subject], jobs: usize) -> Result<Vec<f64>> {
+    let rigs = subjects.iter().map(|subject| (subject.clone(), subject.kind.to_string())).collect();
+    let gain = |place: &Place| {
+        let loosened = last(&place.brought()?, place.load_kg, by_gain);
+        Ok(loosened.map_or(0.0, |loosened| loosened.gain))
+    };
+    each(jobs, &places(rigs), gain)
+        .into_iter()
+        .map(|gain: Result<_, String>| gain.map_err(|why| anyhow!(why)))
+        .collect()
 }
 
 /// A row for each kind of rig and load, a column for each position: gains first, then delays.
@@ -190,19 +249,23 @@ fn rigs(rigs: &Rigs) -> Vec<(Subject, String)> {
 }
 
 impl Place {
+    /// The load at rest there.
+    ///
+    /// # Errors
+    /// In words, if it cannot be brought there.
+    fn brought(&self) -> Result<ControlBench, String> {
+        let mut bench = brought(&self.rig.0, self.load_kg, self.at_m)?;
+        bench.run(1.0);
+        Ok(bench)
+    }
+
     /// Computes and measures them.
     ///
     /// # Errors
     /// In words, if the load cannot be brought to its place, or has no equilibrium there.
     fn margins(&self) -> Result<Margins, String> {
-        let mut bench = brought(&self.rig.0, self.load_kg, self.at_m)?;
-        bench.run(1.0);
-        let rests = |loosened: Loosened| {
-            oscillation_m(bench.clone(), self.load_kg, KEPT, loosened)
-                .is_ok_and(|oscillation_m| oscillation_m < OSCILLATIONS_M)
-        };
-        // The last with which it comes to rest before the first with which it does not.
-        let last = |at: fn(i32) -> Loosened| (0..=TRIED).map(at).take_while(|loosened| rests(*loosened)).last();
+        let bench = self.brought()?;
+        let last = |at| last(&bench, self.load_kg, at);
         let mechanism = scene().mechanism().map_err(|e| e.to_string())?;
         let hung = hung_at(&mechanism, KEPT * self.load_kg * STANDARD_GRAVITY, self.at_m.into())?;
         let firmware = LinearLoop::damped();
@@ -211,6 +274,14 @@ impl Place {
             (hung.delay_margin(&firmware, max().delay_s), last(by_delay).map(|loosened| loosened.delay_s)),
         ])
     }
+}
+
+/// The last with which a load (kg) comes to rest before the first with which it does not.
+fn last(bench: &ControlBench, load_kg: f64, at: fn(i32) -> Loosened) -> Option<Loosened> {
+    let rests = |loosened: &Loosened| {
+        oscillation_m(bench.clone(), load_kg, KEPT, *loosened).is_ok_and(|oscillation_m| oscillation_m < OSCILLATIONS_M)
+    };
+    (0..=TRIED).map(at).take_while(rests).last()
 }
 
 fn by_gain(step: i32) -> Loosened {

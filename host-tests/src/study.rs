@@ -97,6 +97,11 @@ impl Sorted {
         self.0.get(rank.saturating_sub(1)).copied()
     }
 
+    /// From the smallest on.
+    pub fn iter(&self) -> impl Iterator<Item = &f64> {
+        self.0.iter()
+    }
+
     /// How many there are.
     pub fn count(&self) -> usize {
         self.0.len()

@@ -40,6 +40,8 @@ pub struct RigConstants {
     pub motor_torque_constant_nm_per_a: f32,
     /// Current limit sent with every command (mA).
     pub current_limit_ma: i16,
+    /// Fraction of the position loop's feedback that is used: what the settings say.
+    pub loop_gain: f32,
     /// Gap at ADC code 0 (m).
     pub lvdt_gap_at_code_zero_m: f32,
     /// Gap per ADC code (m).
@@ -164,6 +166,7 @@ pub(crate) mod tests {
         motor_acceleration_max_rad_per_s2: 12_000.0,
         motor_torque_constant_nm_per_a: 0.0229,
         current_limit_ma: 500,
+        loop_gain: 1.0,
         lvdt_gap_at_code_zero_m: 0.01,
         lvdt_metres_per_code: 5.372e-5,
         lvdt_curve: None,

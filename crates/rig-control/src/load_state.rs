@@ -40,6 +40,8 @@ pub struct LoadState<'t> {
     pub twist_rad: f32,
     /// What the motor can do.
     pub twist_limits: TwistLimits,
+    /// Fraction of the position loop's feedback that is used.
+    pub loop_gain: f32,
 }
 
 impl LoadState<'_> {

@@ -97,7 +97,8 @@ impl PositionLoop {
         let place = frequency.min(FULL_PER_S) * (by_position + by_rest) * rest_error_m;
         let max_m_per_s = DAMPING_FRACTION * load.twist_limits.speed / hung.tr_rad_per_m();
         let damping = frequency * by_position * (error_m - rest_error_m) + by_speed * speed_error;
-        let feedback = place + (damping_fraction(frequency) * damping).clamp(-max_m_per_s, max_m_per_s);
+        let damping = (damping_fraction(frequency) * damping).clamp(-max_m_per_s, max_m_per_s);
+        let feedback = load.loop_gain * (place + damping);
         // The observer knows no friction: a load that sticks is not where it would come to rest.
         let (feedback, stuck_m) = match standing {
             Standing::LeftAlone => {

@@ -38,6 +38,7 @@ impl Setting {
             Self::SpeedMax => spec("m/s", Some(0.05), [1e-4, 0.05]),
             Self::CurrentLimit => spec("A", None, [0.05, 5.0]),
             Self::TwistScale => spec("", Some(1.0), [0.85, 1.15]),
+            Self::LoopGain => spec("", Some(1.0), [0.2, 1.0]),
         }
     }
 

@@ -73,6 +73,8 @@ named_codes! {
         CurrentLimit = 6, "current-limit";
         /// Scale of the twist that homing assumes for these strings.
         TwistScale = 7, "twist-scale";
+        /// Fraction of the position loop's feedback that is used: less gives a slower loop with more margin.
+        LoopGain = 8, "loop-gain";
     }
 }
 

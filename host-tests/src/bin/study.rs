@@ -6,7 +6,7 @@ use anyhow::{Context, Result, bail};
 use clap::{Parser, Subcommand};
 use host_tests::results::{List, Section};
 use host_tests::study::{Rigs, Study};
-use host_tests::{compare, coverage, endurance, following, limit, margins, rigs, slow, speed};
+use host_tests::{compare, coverage, endurance, following, limit, loop_gain, margins, rigs, slow, speed};
 
 #[derive(Parser)]
 #[command(version)]
@@ -31,6 +31,8 @@ enum Task {
     Limit(Rigs),
     /// Gain and delay that the position loop tolerates
     Margins(Rigs),
+    /// The setting loop-gain: margin against speed
+    LoopGain(Rigs),
     /// How streamed sines are followed, over the frequency
     Following(Rigs),
     /// Slow motion: how long a load stands, and how uneven its speed is
@@ -65,6 +67,7 @@ fn measured(task: &Task) -> Result<Study> {
         Task::Speed(rigs) => speed::study(rigs),
         Task::Limit(rigs) => limit::study(rigs),
         Task::Margins(rigs) => margins::study(rigs),
+        Task::LoopGain(rigs) => loop_gain::study(rigs),
         Task::Slow(rigs) => Ok(slow::study(rigs)),
         Task::Following(rigs) => following::study(rigs),
         Task::Compare(arguments) => compare::study(arguments),

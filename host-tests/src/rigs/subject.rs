@@ -50,6 +50,8 @@ pub struct Subject {
     pub factor: Option<f64>,
     /// Its plant keys, but for load and twist at boot.
     pub changes: Vec<PlantChange>,
+    /// The board's setting `loop-gain`.
+    pub loop_gain: f32,
 }
 
 /// Twist at power-up (rad), either way: a few turns.
@@ -58,7 +60,7 @@ const TWIST_AT_BOOT_RAD: f64 = 12.0;
 impl Subject {
     /// The rig of a kind that a seed names, with all effects.
     pub fn new(kind: RigPreset, seed: u64) -> Self {
-        Self { kind, seed, effect: None, factor: None, changes: kind.changes(seed) }
+        Self { kind, seed, effect: None, factor: None, changes: kind.changes(seed), loop_gain: 1.0 }
     }
 
     /// A plant with constants off by up to a tenth, friction, noise, play and damping: the same for the same seed. Friction is in N;
@@ -95,7 +97,7 @@ impl Subject {
         let changes = keys.iter().filter_map(|key| kind.extreme(*key, size)).collect();
         // What is turned up beyond its size is held against the hard rigs' floors.
         let kind = if factor.is_some() { RigPreset::Hard } else { kind };
-        Self { kind, seed, effect: Some((*name).to_owned()), factor, changes }
+        Self { kind, seed, effect: Some((*name).to_owned()), factor, changes, loop_gain: 1.0 }
     }
 
     /// The rig as switched on under a load (N).

@@ -70,8 +70,13 @@ pub(super) struct Seen {
     pub period_s: f64,
 }
 
-/// One period: the next target of the drive (rad) with a lead (s), and what is kept.
-pub(super) fn step(kept: &[f64], seen: &Seen, believed: &OperatingPoint, lead_s: f64) -> (f64, Vec<f64>) {
+/// One period with a fraction of the feedback: the next target of the drive (rad) with a lead (s), and what is kept.
+pub(super) fn step(
+    kept: &[f64],
+    seen: &Seen,
+    believed: &OperatingPoint,
+    [loop_gain, lead_s]: [f64; 2],
+) -> (f64, Vec<f64>) {
     let [shaft_rad, speed] = [kept[0], kept[1]];
     let motion = Motion { gap_m: kept[2], speed: kept[3], weight_n: kept[4], pull_n: kept[5], twist_rad: kept[6] };
     let at_measurement = motion.after(believed, seen.period_s, seen.twist_then_rad);
@@ -84,7 +89,7 @@ pub(super) fn step(kept: &[f64], seen: &Seen, believed: &OperatingPoint, lead_s:
     let [by_position, by_speed, by_rest] = GAINS.map(f64::from);
     let place = frequency.min(f64::from(FULL_PER_S)) * (by_position + by_rest) * rest_m;
     let damping = frequency * by_position * (ahead.gap_m - rest_m) + by_speed * ahead.speed;
-    let feedback = place + f64::from(damping_fraction(frequency as f32)) * damping;
+    let feedback = loop_gain * (place + f64::from(damping_fraction(frequency as f32)) * damping);
     let speed = believed.tr_rad_per_m * feedback;
     let shaft_rad = shaft_rad + speed * seen.period_s;
     let kept = vec![shaft_rad, speed, now.gap_m, now.speed, now.weight_n, now.pull_n, now.twist_rad];

@@ -35,6 +35,8 @@ pub struct LinearLoop {
     pub tr_rad_per_m: Option<f64>,
     /// The same of the stiffness (N/m), which a loop that damps needs.
     pub stiffness_n_per_m: Option<f64>,
+    /// Fraction of its feedback that a loop that damps uses: the setting `loop-gain`.
+    pub loop_gain: f64,
     /// Gain (1/s); of a loop that damps, a factor on what it measures, which multiplies the gain of the open loop.
     pub gain_per_s: f64,
     /// Corner of its two smoothing poles (rad/s).
@@ -66,6 +68,7 @@ impl LinearLoop {
             damps: false,
             tr_rad_per_m: None,
             stiffness_n_per_m: None,
+            loop_gain: 1.0,
             gain_per_s: BELOW_RESONANCE[0],
             corner_rad_per_s: BELOW_RESONANCE[1],
             period_s: rig_control::TICK_S.into(),
@@ -181,7 +184,7 @@ impl OperatingPoint {
                 let twist_then_rad = twist_rad - (twist_rad - state[2]) * age_s / period;
                 let position_m = loop_.gain_per_s * given_m;
                 let seen = damped::Seen { position_m, twist_then_rad, twist_rad, age_s, period_s: period };
-                damped::step(&state[5..kept], &seen, &believed, LEAD_S)
+                damped::step(&state[5..kept], &seen, &believed, [loop_.loop_gain, LEAD_S])
             } else {
                 let first = state[6] + blend * (-given_m - state[6]);
                 let second = state[7] + blend * (first - state[7]);

@@ -25,6 +25,7 @@ pub fn apply(values: &SettingValues, rig: &RigConstants) -> RigConstants {
         counts_per_rad: gear * values.get(Setting::TwistSign) * rig.counts_per_rad,
         // A float to integer cast saturates; the value has been checked.
         current_limit_ma: libm::roundf(1e3 * values.get(Setting::CurrentLimit)) as i16,
+        loop_gain: values.get(Setting::LoopGain),
         lvdt_curve: values.lvdt_curve,
         lvdt_gain: values.get(Setting::LvdtGain),
         lvdt_offset_m: values.get(Setting::LvdtOffset),
@@ -58,6 +59,7 @@ mod tests {
         let gear = with(Setting::GearScale, 0.5);
         assert_eq!((gear.gear_ratio, gear.counts_per_rad), (31.0, 20_208.0));
         assert_eq!(with(Setting::CurrentLimit, 0.3).current_limit_ma, 300);
+        assert_eq!(with(Setting::LoopGain, 0.5).loop_gain, 0.5);
         // These three act elsewhere.
         for setting in [Setting::PositionZero, Setting::SpeedMax, Setting::TwistScale] {
             assert_eq!(with(setting, setting.spec().range[0]), RIG);

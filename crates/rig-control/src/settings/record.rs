@@ -192,7 +192,7 @@ mod tests {
     /// Values that are allowed.
     fn values() -> impl Strategy<Value = SettingValues> {
         let curve = (2..=LVDT_POINTS_MAX, prop::array::uniform11(-1e-4..1e-4f32), 0.0..1e-3f32);
-        (prop::array::uniform8(0.0..=1f32), prop::option::of(curve)).prop_map(|(fractions, curve)| {
+        (prop::array::uniform9(0.0..=1f32), prop::option::of(curve)).prop_map(|(fractions, curve)| {
             let mut defaults = defaults(&RIG);
             defaults.lvdt_curve = curve.map(|(count, corrections, error_m)| {
                 let mut points = corrections.map(|correction_m| [0.0, correction_m]);
@@ -295,7 +295,7 @@ mod tests {
     #[test]
     fn other_constants_drop_only_what_corrects_them() {
         let lvdt_curve = LvdtCurve::new(&[[0.06, 1e-4], [0.07, 1e-4]], 2e-5).ok();
-        let set = SettingValues { numbers: [1e-3, 1.01, 4e-3, -1.0, 1.02, 0.03, 0.4, 1.03], lvdt_curve };
+        let set = SettingValues { numbers: [1e-3, 1.01, 4e-3, -1.0, 1.02, 0.03, 0.4, 1.03, 0.5], lvdt_curve };
         let record = write(&set, &RIG, 1);
         for (other, lost) in [
             (RigConstants { motor_speed_max_rad_per_s: 500.0, current_limit_ma: 900, ..RIG }, &[][..]),
@@ -344,7 +344,11 @@ mod tests {
         }
         let loaded = read(Some(&record), Some(&write_witness(5)), &RIG);
         assert_eq!((loaded.kept, loaded.generation, loaded.values.lvdt_curve), (Kept::These, 5, None));
-        assert_eq!(loaded.values.numbers, [1e-3, 1.01, 0.0, -1.0, 1.0, 0.03, 0.4, 1.0]);
+        assert_eq!(
+            loaded.values.numbers,
+            [1e-3, 1.01, 0.0, -1.0, 1.0, 0.03, 0.4, 1.0, 1.0],
+            "new ones have their defaults"
+        );
         let again = read(Some(&write(&loaded.values, &RIG, 6)), Some(&write_witness(6)), &RIG);
         assert_eq!((again.kept, again.values), (Kept::These, loaded.values), "and is written in the present version");
         for other in [

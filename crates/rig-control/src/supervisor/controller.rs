@@ -39,6 +39,7 @@ impl Controller {
             jump_m: found.jump_m,
             twist_rad,
             twist_limits: self.constants.twist_limits(),
+            loop_gain: self.constants.loop_gain,
         };
         let (output, limit, planned) = match &mut self.mode {
             Mode::Moving(planned) => {

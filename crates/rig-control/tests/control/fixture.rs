@@ -63,5 +63,6 @@ pub fn hanging(load_n: f32, friction_n: f32, twist_rad: f32) -> LoadState<'stati
         jump_m: 0.0,
         twist_rad,
         twist_limits: constants().twist_limits(),
+        loop_gain: 1.0,
     }
 }

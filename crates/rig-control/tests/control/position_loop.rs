@@ -71,6 +71,8 @@ fn a_place_of_rest_that_is_off_is_brought_back_by_the_gains() {
         let expected = omega.min(FULL_PER_S) * (by_position + by_rest) * error_m;
         assert!(same(found, expected), "{found} instead of {expected}");
         assert!(same(step(&SetPoint { position_m: error_m, ..PASSING }, &load).rest_error_m, error_m));
+        let half = LoadState { loop_gain: 0.5, ..load };
+        assert!(same(load_speed(&SetPoint { position_m: error_m, ..PASSING }, &half), 0.5 * expected));
     }
 }
 
