@@ -266,6 +266,7 @@ def test_the_recorded_move_plays(browser, reports):
         solved = page.evaluate("tsa.solve(tsa.state.load_n, tsa.state.turns)")
         assert solved["contraction_m"] == pytest.approx(0.012, abs=1e-3)
         page.click("#play")
+        assert page.evaluate("document.getElementById('drawing').getBoundingClientRect().bottom") > 300, "in view"
         # Looked at and stopped in one call: a slow machine may otherwise play to the end before the click.
         stopped = page.wait_for_function("""() => {
             const [time, play] = ["time", "play"].map((id) => document.getElementById(id));
