@@ -172,8 +172,8 @@ impl Row {
         // Before and during a homing: what the sensors say.
         let sensed = || {
             let motor = RPM.rounded(self.drive_speed_rad_per_s, 10.0 * TAU / 60.0);
-            let [gap, turns] = [MM.show(self.gap_m), TURNS_OF_RAD.show(self.encoder_rad)];
-            format!("gap {gap:>10}  strings since power-on {turns:>14}  motor {motor:>9}")
+            let [gap, turns] = [MM.show(self.gap_m), TURNS_OF_RAD.rounded(self.encoder_rad, 0.01 * TAU)];
+            format!("gap {gap:>10}  strings since power-on {turns:>12}  motor {motor:>9}")
         };
         format!(
             "{}  {:8} {}{}{}{}",
@@ -236,7 +236,7 @@ mod tests {
         let raw = Telemetry { gap_m: Some(0.09), shaft_rad: -1.5, supply_v: Some(24.0), ..telemetry(0) };
         let row = Row::new(0.0, &raw, None, None);
         let text = row.text();
-        assert!(text.contains("90.00 mm") && text.contains("-0.2387 turns") && !text.contains("unknown"), "{text}");
+        assert!(text.contains("90.00 mm") && text.contains("-0.239 turns") && !text.contains("unknown"), "{text}");
         let row = serde_json::to_value(row).expect("JSON");
         assert_eq!((&row["encoder_rad"], &row["supply_v"]), (&(-1.5).into(), &24.0.into()));
         assert!(row["gap_m"].as_f64().is_some_and(|gap_m| (gap_m - 0.09).abs() < 1e-6), "{row}");
