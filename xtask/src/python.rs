@@ -35,6 +35,7 @@ with tsa_rig.Rig('sim', plant={'load': '0.5kg'}) as rig:
     moved = rig.move(0.008)
 assert abs(moved['error_m']) < 2e-4, moved
 assert not tsa_rig.Bench(seeds=[1, 2]).home()['error'].any()
+assert tsa_rig.published('scenes/default.toml') and tsa_rig.budget('scenes/default.toml')
 solved = tsa_rig.Scene.load('scenes/default.toml').mechanism().solve(5.0, 3.0)
 print(f\"{tsa_rig.__version__}: moved to {1e3 * moved['position_m']:.3f} mm, contraction {1e3 * solved.contraction_m:.3f} mm\")
 ";
@@ -74,13 +75,14 @@ pub fn with(folders: &Folders, packages: &[&str]) -> Result<impl Fn(&Path) -> Co
 struct Data(PathBuf);
 
 impl Data {
-    /// Tool, emulator and firmware, which must be built, scenes and licences.
+    /// Tools, emulator and firmware, which must be built, scenes and licences.
     fn fill(folders: &Folders) -> Result<Self> {
         let data = Self(folders.root.join(PACKAGE).join(DATA));
         empty(&data.0)?;
         let release = folders.target.join("release");
         let mut files = vec![
             (release.join(program("rigctl")), "bin"),
+            (release.join(program("tsa-lab")), "bin"),
             (release.join(program("rig-emulator")), "bin"),
             (folders.target.join("firmware/tsa-firmware.elf"), "firmware"),
             (folders.root.join("LICENSE-MIT"), "licences"),
@@ -104,7 +106,7 @@ impl Data {
             return Ok(None);
         }
         let mut newest = None;
-        for name in ["rigctl", "rig-emulator"] {
+        for name in ["rigctl", "tsa-lab", "rig-emulator"] {
             newest = newest.max(glibc_of(&fs::read(self.0.join("bin").join(name))?));
         }
         Ok(newest.map(|minor| format!("2_{minor}")))
@@ -129,7 +131,7 @@ fn glibc_of(program: &[u8]) -> Option<u32> {
     begins.filter_map(minor).max()
 }
 
-/// Builds the package as a complete wheel in a folder, which is empty before: with the tool, the emulator and the firmware, which
+/// Builds the package as a complete wheel in a folder, which is empty before: with the tools, the emulator and the firmware, which
 /// must be built, and the scenes. On Linux its tag names the glibc that the programs need.
 pub fn wheel(folders: &Folders, into: &Path) -> Result<()> {
     let python = interpreter(folders)?;

@@ -27,6 +27,7 @@ units! {
     MM_PER_N = "mm/N", 1e-3;
     N = "N", 1.0;
     KG = "kg", 1.0;
+    MNM = "mNm", 1e-3;
     RAD = "rad", 1.0;
     TURNS = "turns", 1.0;
     TURNS_OF_RAD = "turns", TAU;
@@ -213,7 +214,7 @@ impl Quantity {
             Self::Turns => ("number of turns", &[]),
             Self::Stiffness => ("stiffness", &[Unit("N/m", 1.0), KN_PER_M, Unit("N/mm", 1e3)]),
             Self::PerForce => ("value per newton", &[Unit("1/N", 1.0), Unit("1/kN", 1e-3)]),
-            Self::Torque => ("torque", &[Unit("Nm", 1.0), Unit("N*m", 1.0), Unit("mNm", 1e-3), Unit("uNm", 1e-6)]),
+            Self::Torque => ("torque", &[Unit("Nm", 1.0), Unit("N*m", 1.0), MNM, Unit("uNm", 1e-6)]),
             Self::Stress => ("stress", &[PA, Unit("kPa", 1e3), Unit("MPa", 1e6)]),
             Self::Temperature => ("difference of temperatures", &[Unit("K", 1.0)]),
             Self::Number => ("number", &[]),
@@ -251,7 +252,7 @@ impl Quantity {
             Self::Length => MM,
             Self::Stiffness if value.abs() >= 1e3 => KN_PER_M,
             Self::Stress => Unit("MPa", 1e6),
-            Self::Torque => Unit("mNm", 1e-3),
+            Self::Torque => MNM,
             Self::Fraction => NUMBER,
             _ => self.table().1.first().copied().unwrap_or(NUMBER),
         };

@@ -34,7 +34,7 @@ pub struct Equilibrium<T = f64> {
     pub dgap_dtwist_m_per_rad: T,
     /// ∂G/∂F at constant twist (m/N).
     pub dgap_dload_m_per_n: T,
-    /// Ideal motor torque F tan α (r + θ ∂r/∂θ) (N m), docs/explanation/model.md section 4.
+    /// Torque on the strings by the paper's relation, F tan α (r + θ ∂r/∂θ) (N m), docs/explanation/model.md section 4.
     pub torque_nm: T,
     /// Largest scaled residual of the two equations.
     pub residual: f64,

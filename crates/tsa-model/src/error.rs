@@ -53,7 +53,7 @@ pub enum SolveError {
         minimum_n: f64,
     },
     /// The strings would have to be shorter than the two helices laid side by side: X < r0 |θ|/π.
-    #[error("overtwist: {length_m} m between the rods, but {needed_m} m of string lie side by side")]
+    #[error("overtwist: {length_m:.6} m between the rods, but {needed_m:.6} m of string lie side by side")]
     Overtwist {
         /// Distance between the attachments at the formal equilibrium (m).
         length_m: f64,
@@ -61,7 +61,7 @@ pub enum SolveError {
         needed_m: f64,
     },
     /// No helix angle balances strings and rods.
-    #[error("no equilibrium at load {load_n} N and twist {twist_rad} rad: the helix angle runs away")]
+    #[error("no equilibrium at load {load_n:.4} N and twist {twist_rad:.3} rad: reduce the turns or raise the load")]
     NoEquilibrium {
         /// Load (N).
         load_n: f64,
@@ -69,13 +69,13 @@ pub enum SolveError {
         twist_rad: f64,
     },
     /// The section's tangent vanished: flat or falling stress–strain curve.
-    #[error("section tangent vanishes at a bending strain of {bending_strain}: stress–strain curve flat or falling")]
+    #[error("section tangent vanishes at a bending strain of {bending_strain:.5}: stress–strain curve flat or falling")]
     SectionSingular {
         /// Bending strain κR where it happened.
         bending_strain: f64,
     },
     /// A strain far outside the range to which the fifth-order polynomial of eq. 12 was fitted.
-    #[error("strain {strain} at the clamp is outside the range of the stress–strain fit (|ε| ≤ {limit})")]
+    #[error("strain {strain:.4} at the clamp is outside the range of the stress–strain fit (|ε| ≤ {limit})")]
     StrainRange {
         /// Largest fibre strain.
         strain: f64,
@@ -83,7 +83,9 @@ pub enum SolveError {
         limit: f64,
     },
     /// The section's law is too close to flat somewhere along the rod for the quadrature's most nodes.
-    #[error("{nodes} nodes do not resolve the rod at load {load_n} N: half as many miss its length by {missed} of it")]
+    #[error(
+        "{nodes} nodes do not resolve the rod at load {load_n:.4} N: half as many miss its length by {missed:.1e} of it"
+    )]
     Unresolved {
         /// Load (N).
         load_n: f64,
@@ -93,7 +95,7 @@ pub enum SolveError {
         missed: f64,
     },
     /// The branch of equilibria that starts at the unloaded state folds back before the twist is reached.
-    #[error("the branch from the unloaded state folds back at {twist_rad} rad under {load_n} N")]
+    #[error("the branch from the unloaded state folds back at {twist_rad:.3} rad under {load_n:.4} N")]
     Fold {
         /// Load (N).
         load_n: f64,
@@ -115,7 +117,7 @@ pub enum SolveError {
         stage: &'static str,
     },
     /// The iteration did not reach its tolerance.
-    #[error("no convergence at load {load_n} N and twist {twist_rad} rad: residual {residual}")]
+    #[error("no convergence at load {load_n:.4} N and twist {twist_rad:.3} rad: residual {residual:.1e}")]
     NotConverged {
         /// Load (N).
         load_n: f64,

@@ -28,7 +28,7 @@ def test_it_homes_and_moves_as_the_emulated_board_does() -> None:
     for k, seed in enumerate(seeds):
         with tsa_rig.Rig("sim", scene=SCENE, rig="nominal", seed=seed, plant=HALF_KG, programs=PROGRAMS) as rig:
             of_board, moved_board = rig.home(), rig.move(0.008, speed=0.002)
-        # Measured for ideal and nominal rigs: 3 mN, 0.7 µm, 0.03 s, 11 µm.
+        # docs/results.md, section `agreement`, has more plants.
         assert homed["load_n"][k] == pytest.approx(of_board["load_n"], abs=0.02)
         assert homed["reference_gap_m"][k] == pytest.approx(of_board["reference_gap_m"], abs=5e-6)
         assert homed["duration_s"][k] == pytest.approx(of_board["duration_s"], abs=0.1)

@@ -32,6 +32,7 @@ def test_it_homes_moves_and_tells() -> None:
         assert set(told) >= {"t_s", "state", "position_m", "load_n", "load_error_n", "tr_rad_per_m", "true_position_m"}
         assert told["position_m"][-1] == pytest.approx(0.008, abs=2e-4) and np.isnan(told["position_m"][0])
         assert np.all(np.diff(told["t_s"]) > 0.0) and told["state"][-1] in ("moving", "holding")
+        assert np.all(told["fault"] == ""), "a word also where there is none"
     with pytest.raises(RuntimeError, match="closed"):
         rig.home()
     assert rig.telemetry()["t_s"].size > 0

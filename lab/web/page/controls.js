@@ -124,7 +124,7 @@ const rig = {
       ["Transmission ratio", value(state.tr_rad_per_m, 1e-3, 3, "rad/mm")],
       ["Gap", value(state.gap_m, 1e3, 2, "mm")],
       ["String tension", value(state.tension_n, 1, 2, "N")],
-      ["Motor torque, ideal", value(state.torque_nm, 1e3, 2, "mN m")],
+      ["Torque on the strings", value(solver.torque(rig.load_n, rig.turns), 1e3, 2, "mN m")],
       ["Strain in the rods", value(state.bending_strain, 100, 2, "%")],
       ["Rod deflection", value(state.w_m, 1e3, 2, "mm")],
       ["Helix angle", value(state.alpha_rad, 180 / Math.PI, 1, "°")],

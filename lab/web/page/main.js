@@ -3,6 +3,7 @@
 // For the console and for tests: `solve` is the solver, `state` what is set, `frame_ms` what the last redraw took.
 const tsa = {
   solve: (load_n, turns) => solver.solve(load_n, turns),
+  torque: (load_n, turns) => solver.torque(load_n, turns),
   get state() {
     return { load_n: rig.load_n, turns: rig.turns, constants: solver.constants.slice(), map_done: !rig.unmeasured && map.next === map.cells.length };
   },

@@ -5,7 +5,7 @@ const data = JSON.parse(document.getElementById("tsa-data").textContent);
 const TIERS = ["rigid", "beam-column", "pseudo-rigid", "elastica", "inextensible", "full"];
 const FULL = TIERS.length - 1;
 const RESULTS = ["contraction_m", "gap_m", "tr_rad_per_m", "alpha_rad", "X_m", "D_m", "w_m", "r_m", "tension_n",
-  "bending_strain", "load_sag_m", "dgap_dload_m_per_n", "torque_nm"];
+  "bending_strain", "load_sag_m", "dgap_dload_m_per_n"];
 
 const solver = {
   module: null, wasm: null, numbers: null, constants: data.constants.map((x) => x ?? NaN),
@@ -75,6 +75,12 @@ const solver = {
     result.tier_error = { contraction_m: solver.numbers[RESULTS.length], tr_relative: solver.numbers[RESULTS.length + 1] };
     result.warnings = solver.text().split(",").filter((name) => name);
     return result;
+  },
+
+  // The conservative torque on the strings (N m), or null. It takes dozens of solves.
+  torque(load_n, turns) {
+    const torque_nm = solver.call("torque", load_n, turns);
+    return Number.isNaN(torque_nm) ? null : torque_nm;
   },
 
   // Points of a bent half rod of the last state, as [along, sideways] in metres.

@@ -56,6 +56,13 @@ pub extern "C" fn solve(load_n: f64, turns: f64, tier: u32) -> bool {
     page().solve(load_n, turns, tier)
 }
 
+/// The torque on the strings that conserves energy (N m), at a load (N) and turns past the half-turn pre-twist; NaN where
+/// it is not known.
+#[unsafe(no_mangle)]
+pub extern "C" fn torque(load_n: f64, turns: f64) -> f64 {
+    page().torque(load_n, turns)
+}
+
 /// The cheapest tier whose own estimate of its error is within these (m, and relative); −1 where there is no
 /// equilibrium.
 #[unsafe(no_mangle)]

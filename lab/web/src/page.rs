@@ -56,7 +56,7 @@ impl Page {
     }
 
     /// Solves. The result: contraction, gap, TR (NaN at zero twist), α, X, D, w, r, tension, bending strain, sag at the
-    /// half-turn pre-twist, ∂G/∂F, torque, and the tier's estimate of its error of contraction and TR. SI units.
+    /// half-turn pre-twist, ∂G/∂F, and the tier's estimate of its error of contraction and TR. SI units.
     pub fn solve(&mut self, load_n: f64, turns: f64, tier: u32) -> bool {
         let answer = self.solved(load_n, turns, tier);
         self.state = answer.as_ref().ok().map(|(tiered, _)| tiered.equilibrium);
@@ -76,7 +76,6 @@ impl Page {
                 e.bending_strain,
                 tiered.start_gap_m - start_length_m,
                 e.dgap_dload_m_per_n,
-                e.torque_nm,
                 tiered.error.contraction_m,
                 tiered.error.tr_relative,
             ];
@@ -100,6 +99,12 @@ impl Page {
         let tier = Tier::ALL.get(tier as usize).ok_or(Refusal::Call("tier: there is none of this number"))?;
         let tiered = mechanism.solve_tier(*tier, load_n, twist_from_turns(turns))?;
         Ok((tiered, mechanism.start_length_m()))
+    }
+
+    /// The torque on the strings that conserves energy (N m); NaN where a lighter load has no equilibrium at this twist.
+    pub fn torque(&self, load_n: f64, turns: f64) -> f64 {
+        let torque = |mechanism: &Mechanism| mechanism.conservative_torque_nm(load_n, twist_from_turns(turns)).ok();
+        self.mechanism.as_ref().and_then(torque).unwrap_or(f64::NAN)
     }
 
     /// Number of the cheapest tier that is this accurate, or −1.

@@ -18,6 +18,7 @@ RIGCTL = Path(os.environ.get("TSA_PROGRAMS", ROOT / "target/release")) / "rigctl
 SCENES = ["default", "paper-identified", "paper-printed", "niti-plateau", "finger", "long-string"]
 COMPARED = [
     "contraction_m", "tr_rad_per_m", "alpha_rad", "X_m", "D_m", "w_m", "r_m", "tension_n", "bending_strain", "load_sag_m",
+    "dgap_dload_m_per_n", "torque_nm",
 ]
 OPTIONS = [
     "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
@@ -102,11 +103,13 @@ def test_the_page_solves_as_the_tool_does(browser, reports, tmp_path, name):
     batch.write_text("load_n,turns\n" + "".join(f"{load},{turns}\n" for load, turns in states))
     told = rigctl("solve", "--scene", f"scenes/{name}.toml", "--batch", str(batch))
     with Opened(browser, reports[name]) as page:
-        shown = page.evaluate("(states) => states.map(([f, t]) => tsa.solve(f, t))", states)
+        shown = page.evaluate(
+            "(states) => states.map(([f, t]) => ({ ...tsa.solve(f, t), torque_nm: tsa.torque(f, t) }))", states
+        )
     solved = 0
     for state, expected, answer in zip(states, told, shown, strict=True):
         if "error" in expected:
-            assert answer == {"error": f"{expected['error']['kind']}: {expected['error']['message']}"}, state
+            assert answer["error"] == f"{expected['error']['kind']}: {expected['error']['message']}", state
             continue
         solved += 1
         assert answer["warnings"] == expected["warnings"], state
@@ -266,6 +269,7 @@ def test_the_recorded_move_plays(browser, reports):
         solved = page.evaluate("tsa.solve(tsa.state.load_n, tsa.state.turns)")
         assert solved["contraction_m"] == pytest.approx(0.012, abs=1e-3)
         page.click("#play")
+        assert page.evaluate("document.getElementById('drawing').getBoundingClientRect().bottom") > 300, "in view"
         # Looked at and stopped in one call: a slow machine may otherwise play to the end before the click.
         stopped = page.wait_for_function("""() => {
             const [time, play] = ["time", "play"].map((id) => document.getElementById(id));

@@ -5,7 +5,7 @@ use crate::failure::Failure;
 use crate::options::Global;
 use crate::options::values::{AUTO, METHODS, methods, tiers, tolerance};
 use crate::output::Output;
-use crate::units::{MM, N, NUMBER, PERCENT, RAD, RAD_PER_MM, UM};
+use crate::units::{MM, MM_PER_N, MNM, N, NUMBER, PERCENT, RAD, RAD_PER_MM, UM};
 use clap::Args;
 use rig_config::Scene;
 use serde::Serialize;
@@ -252,6 +252,9 @@ pub fn answer(at: &At, scene: &Scene, way: Way<'_>, output: &mut Output) -> Resu
         ("string radius", mm(s.r_m)),
         ("string tension", N.show(s.tension_n)),
         ("bending strain", PERCENT.show(s.bending_strain)),
+        ("gap", mm(s.gap_m)),
+        ("gap per load", MM_PER_N.show(s.dgap_dload_m_per_n)),
+        ("torque", MNM.show(s.torque_nm)),
         ("contraction", mm(s.contraction_m)),
         ("sag under load", mm(s.load_sag_m)),
         ("TR", RAD_PER_MM.show(tr(&s))),

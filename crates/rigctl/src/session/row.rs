@@ -2,11 +2,12 @@
 //! time.
 
 use crate::output::at;
-use crate::units::{MM, N, RAD_PER_MM, Value};
+use crate::units::{MM, N, RAD_PER_MM, RPM, TURNS_OF_RAD, Value};
 use rig_link::{EventKind, Fault, HomingFailure, Limit, Request, State, Telemetry};
 use rig_plant::Truth;
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
+use std::f64::consts::TAU;
 
 /// Records of the truth (of 1 ms) that are kept to be paired with telemetry.
 const RECORDS: usize = 500;
@@ -158,15 +159,27 @@ impl Row {
     /// A line for people.
     pub fn text(&self) -> String {
         let truth = self.true_position_m.map(|m| format!(" (true {})", MM.rounded(m, self.position_error_m)));
+        let known = || {
+            format!(
+                "position {:>17}{}  set-point {:>9}  load {:>15}  TR {:>12}",
+                MM.within(self.position_m, self.position_error_m),
+                truth.unwrap_or_default(),
+                MM.show(self.setpoint_m),
+                load_text(self.load_n, self.load_error_n, self.load_at_range_end),
+                RAD_PER_MM.show(self.tr_rad_per_m),
+            )
+        };
+        // Before and during a homing: what the sensors say.
+        let sensed = || {
+            let motor = RPM.rounded(self.drive_speed_rad_per_s, 10.0 * TAU / 60.0);
+            let [gap, turns] = [MM.show(self.gap_m), TURNS_OF_RAD.rounded(self.encoder_rad, 0.01 * TAU)];
+            format!("gap {gap:>10}  strings since power-on {turns:>12}  motor {motor:>9}")
+        };
         format!(
-            "{}  {:8} position {:>17}{}  set-point {:>9}  load {:>15}  TR {:>12}{}{}{}",
+            "{}  {:8} {}{}{}{}",
             at(self.t_s),
             self.state,
-            MM.within(self.position_m, self.position_error_m),
-            truth.unwrap_or_default(),
-            MM.show(self.setpoint_m),
-            load_text(self.load_n, self.load_error_n, self.load_at_range_end),
-            RAD_PER_MM.show(self.tr_rad_per_m),
+            if self.position_m.is_some() || self.load_n.is_some() { known() } else { sensed() },
             self.faults.as_ref().map_or(String::new(), |f| format!("  FAULT {f}")),
             self.limit.map_or(String::new(), |l| format!("  limit {l}")),
             self.doubts.as_ref().map_or(String::new(), |d| format!("  doubt {d}")),
@@ -221,7 +234,10 @@ mod tests {
     #[test]
     fn a_row_has_the_raw_signals() {
         let raw = Telemetry { gap_m: Some(0.09), shaft_rad: -1.5, supply_v: Some(24.0), ..telemetry(0) };
-        let row = serde_json::to_value(Row::new(0.0, &raw, None, None)).expect("JSON");
+        let row = Row::new(0.0, &raw, None, None);
+        let text = row.text();
+        assert!(text.contains("90.00 mm") && text.contains("-0.239 turns") && !text.contains("unknown"), "{text}");
+        let row = serde_json::to_value(row).expect("JSON");
         assert_eq!((&row["encoder_rad"], &row["supply_v"]), (&(-1.5).into(), &24.0.into()));
         assert!(row["gap_m"].as_f64().is_some_and(|gap_m| (gap_m - 0.09).abs() < 1e-6), "{row}");
         assert!(row["load_at_range_end"].is_null());

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _core
 from ._errors import OperationError, of_kind, wrong
+from ._log import WORDS
 from ._model import numbers
 from ._places import DEFAULT_SCENE, FilePath, program
 from ._places import scene as _scene
@@ -353,10 +354,10 @@ class Rig:
         """Everything that the board has told since the connection: one array of shape (rows,) a key, NaN where it knew
         nothing.
 
-        Keys and units are those of `rigctl record`; words such as `state` are arrays of strings.
+        Keys and units are those of `rigctl record`; words such as `state` are strings, empty where there is none.
         """
         rows = self._all()
-        return {key: _array([row[key] for row in rows]) for key in (rows[0] if rows else {})}
+        return {key: _array(key, [row[key] for row in rows]) for key in (rows[0] if rows else {})}
 
     def latest(self) -> Object:
         """The newest row of telemetry: keys as in `telemetry`, None where the board knows nothing.
@@ -397,7 +398,7 @@ class Rig:
         self._board.close()
 
 
-def _array(values: list[Any]) -> NDArray[Any]:
-    if any(isinstance(value, str) for value in values):
+def _array(name: str, values: list[Any]) -> NDArray[Any]:
+    if name in WORDS:
         return np.array([value or "" for value in values], dtype=np.str_)
     return np.array([np.nan if value is None else value for value in values], dtype=float)

@@ -2,8 +2,7 @@
 the average transmission ratios.
 
 `python -m tsa_rig.paper_bench --out DIR` runs it on the emulated one; docs/how-to/python.md shows it. It draws with
-matplotlib (`pip install "./crates/tsa-python[plot]"`), and the published numbers come from the program `tsa-lab`, which
-a checkout has.
+matplotlib (`pip install "./crates/tsa-python[plot]"`); the published numbers come from the program `tsa-lab`.
 """
 
 from __future__ import annotations
@@ -140,7 +139,7 @@ def run(
     prints nothing, `computed` is by the rig's scene, NaN where its model refuses the state. With `to_load_kg` a row is
     the ratio of two loads. `measured_on` is `emulated` or `real`.
 
-    Raises MissingFileError if `tsa-lab` is not built, and OperationError if matplotlib is missing, both before anything
+    Raises MissingFileError if `tsa-lab` is not there, and OperationError if matplotlib is missing, both before anything
     moves; ArgumentError and OperationError as `Rig.sweep`.
     """
     try:
