@@ -151,7 +151,7 @@ fn a_refused_row_stays_with_its_limit() {
         let rows = objects(&["--json", "--scene", scene.to_str().unwrap(), "published", "--out", out]);
         assert_eq!(rows.len(), 37);
         for (id, kind, said) in
-            [("fz-1-contraction", "no-equilibrium", "1 N"), ("d0-8", "parameter", "geometry.clamp_width_m")]
+            [("fz-1-contraction", "no-equilibrium", "1.0000 N"), ("d0-8", "parameter", "geometry.clamp_width_m")]
         {
             let row = rows.iter().find(|r| r["id"] == id).unwrap();
             assert!(row["computed"].is_null() && row["error"].is_null(), "{row}");

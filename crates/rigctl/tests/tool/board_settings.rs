@@ -1,6 +1,7 @@
 //! `config` and `calibrate` as a user calls them, on the emulated board with its flash in a file.
 
 use crate::common::{error_of, folder, lines, other_rig, rigctl};
+use rig_link::messages::Setting;
 use serde_json::{Value, json};
 use std::path::Path;
 
@@ -27,7 +28,7 @@ fn setting(flash: &Path, name: &str) -> f64 {
 fn settings_are_kept_from_one_call_to_the_next_and_shown_by_status() {
     let flash = folder("kept").join("flash.bin");
     let all = on(&flash, &["config", "get"]);
-    assert_eq!(all.len(), 8);
+    assert_eq!(all.len(), Setting::ALL.len());
     assert!(all.iter().all(|s| s["value"] == s["default"] && s["kept"] == false), "{all:?}");
     assert!(!flash.exists(), "asking writes nothing");
     let set = &on(&flash, &["config", "set", "speed-max", "3mm/s"])[0];
