@@ -25,7 +25,7 @@ impl<B: Board> Soc<B> {
     }
 
     fn unmodelled(&mut self, address: u32, write: bool) {
-        let what = format!("{} of an unmodelled register at {address:#010x}", verb(write));
+        let what = format!("{} of an unmodelled register of {} at {address:#010x}", verb(write), map::name(address));
         self.faults.raise(Lint::Unmodelled, what);
     }
 

@@ -96,6 +96,48 @@ pub fn unit_at(address: u32) -> Unit {
     }
 }
 
+/// The name of what is at an address, modelled or not (RM0390 table 1).
+pub fn name(address: u32) -> String {
+    let name = match address & !0x3FF {
+        0x4000_1C00 => "TIM13",
+        0x4000_2000 => "TIM14",
+        0x4000_2800 => "RTC",
+        0x4000_2C00 => "WWDG",
+        0x4000_3800 => "SPI2",
+        0x4000_3C00 => "SPI3",
+        0x4000_4000 => "SPDIF-RX",
+        0x4000_4C00 => "UART4",
+        0x4000_5000 => "UART5",
+        0x4000_5400 => "I2C1",
+        0x4000_5800 => "I2C2",
+        0x4000_5C00 => "I2C3",
+        0x4000_6000 => "FMPI2C1",
+        0x4000_6800 => "CAN2",
+        0x4000_6C00 => "CEC",
+        0x4000_7400 => "DAC",
+        0x4001_0000 => "TIM1",
+        0x4001_0400 => "TIM8",
+        0x4001_2000 if address & 0x300 == 0x100 => "ADC2",
+        0x4001_2000 if address & 0x300 == 0x200 => "ADC3",
+        0x4001_2C00 => "SDIO",
+        0x4001_3000 => "SPI1",
+        0x4001_3400 => "SPI4",
+        0x4001_4400 => "TIM10",
+        0x4001_4800 => "TIM11",
+        0x4001_5800 => "SAI1",
+        0x4001_5C00 => "SAI2",
+        0x4002_3000 => "CRC",
+        0x4004_0000..=0x4007_FFFF => "USB OTG HS",
+        0x5000_0000..=0x5003_FFFF => "USB OTG FS",
+        0x5005_0000 => "DCMI",
+        _ => match unit_at(address) {
+            Unit::None => "no peripheral",
+            unit => return unit.to_string(),
+        },
+    };
+    name.to_owned()
+}
+
 /// The RCC bits of a peripheral, if it has any.
 pub fn gate(unit: Unit) -> Option<Gate> {
     Some(match unit {

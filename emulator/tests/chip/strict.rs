@@ -9,8 +9,11 @@ fn a_register_without_its_clock_one_that_is_not_modelled_and_a_narrow_write_are_
     for (on, address, size, wanted) in [
         (false, GPIOA, 4, "0x40020000: the clock of GPIOA is not enabled in the RCC"),
         (false, 0x4000_6404, 4, "0x40006404: the clock of CAN1 is not enabled in the RCC"),
-        (true, 0x4000_5400, 4, "of an unmodelled register at 0x40005400"),
-        (true, GPIOA + 0x28, 4, "of an unmodelled register at 0x40020028"),
+        (true, 0x4000_5400, 4, "of an unmodelled register of I2C1 at 0x40005400"),
+        (true, GPIOA + 0x28, 4, "of an unmodelled register of GPIOA at 0x40020028"),
+        (true, 0x4001_2208, 4, "of an unmodelled register of ADC3 at 0x40012208"),
+        (true, 0x5003_FFFC, 4, "of an unmodelled register of USB OTG FS at 0x5003fffc"),
+        (true, 0x5004_0000, 4, "of an unmodelled register of no peripheral at 0x50040000"),
         (true, 0x4002_6410, 1, "1-byte write at 0x40026410: this register takes whole words"),
         (true, 0x4002_3C04, 1, "1-byte write at 0x40023c04: this register takes whole words"),
     ] {
@@ -64,7 +67,7 @@ fn a_bit_of_the_alias_is_a_bit_of_the_register_or_of_ram() {
     assert_eq!((chip.read(alias(0x2000_1002, 3), 4), chip.read(alias(0x2000_1002, 2), 4)), (1, 0));
     assert_eq!(chip.faults.take(), None);
     chip.read(alias(0x4000_5400, 0), 4);
-    assert_eq!(refused(&mut chip), "read of an unmodelled register at 0x40005400");
+    assert_eq!(refused(&mut chip), "read of an unmodelled register of I2C1 at 0x40005400");
 }
 
 #[test]

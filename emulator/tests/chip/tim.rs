@@ -154,5 +154,5 @@ fn an_input_channel_has_no_compare_flag_and_neither_has_one_that_does_not_exist(
     pass(&mut chip, 0.07);
     assert_eq!(get(&mut chip, TIM12 + SR), 0b111);
     chip.write(TIM12 + 0x3C, 4, 1);
-    assert_eq!(refused(&mut chip), "write of an unmodelled register at 0x4000183c");
+    assert_eq!(refused(&mut chip), "write of an unmodelled register of TIM12 at 0x4000183c");
 }

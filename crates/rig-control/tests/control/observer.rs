@@ -199,6 +199,15 @@ fn the_ends_of_the_table_are_told_at_once_where_it_is_heavy_and_beyond_the_error
 }
 
 #[test]
+fn another_load_may_look_like_a_drift_by_its_fraction_of_the_homed_one() {
+    for change_n in [0.0f32, 2.0, -2.0] {
+        let mut observer = observer();
+        observer.rescale(change_n);
+        near(observer.known_errors().change, 0.01 * change_n.abs() / LOAD_N, 1e-6);
+    }
+}
+
+#[test]
 fn the_error_grows_with_the_time_since_homing() {
     let mut observer = observer();
     let early = pulls(&mut observer, LOAD_N - FRICTION_N, 2).load_error_n;
