@@ -21,7 +21,7 @@ use rigctl::plot::{Axis, Block, Figure, GREY, INK, Item, KeyRow, Panel, Pen, Sha
 use std::f32::consts::PI;
 
 /// Kind of rig, how many, and the distance (m) within which a load counts as at its place.
-const KINDS: [(RigPreset, u64, f64); 3] =
+pub(crate) const KINDS: [(RigPreset, u64, f64); 3] =
     [(RigPreset::Ideal, 1, 50e-6), (RigPreset::Nominal, 3, 50e-6), (RigPreset::Hard, 3, 150e-6)];
 /// On how many of the rigs the loops are tuned, at most.
 const TUNED_ON: usize = 2;

@@ -1,5 +1,6 @@
 //! The study of the setting `loop-gain`: margin against speed.
 
+use crate::limit::KINDS;
 use crate::load_changes::{self, Outcome};
 use crate::margins;
 use crate::rigs::subject::Subject;
@@ -9,10 +10,6 @@ use rig_plant::RigPreset;
 
 /// The gains that are compared; the first is the default.
 const GAINS: [f32; 4] = [1.0, 0.7, 0.5, 0.3];
-/// Kind of rig, how many, and the distance (m) within which a load counts as at its place.
-const KINDS: [(RigPreset, u64, f64); 3] =
-    [(RigPreset::Ideal, 1, 50e-6), (RigPreset::Nominal, 3, 50e-6), (RigPreset::Hard, 3, 150e-6)];
-
 /// The measured gain margin that hard rigs should have.
 const MEASURED: f64 = 1.5;
 
@@ -26,7 +23,7 @@ pub fn study(rigs: &Rigs) -> Result<Study> {
     let kinds: Vec<_> = KINDS.iter().filter(|(kind, ..)| rigs.wants(*kind)).collect();
     let mut study = Study::new(computed.map(String::from).into_iter().chain(kinds.iter().map(|kind| head(kind))));
     for loop_gain in GAINS {
-        let [gain, peak, delay_s] = margins::smallest(loop_gain.into())?;
+        let [gain, peak, delay_s] = margins::worst(loop_gain.into())?;
         let hard: Vec<Subject> = rigs.seeds(3).map(|seed| subject(RigPreset::Hard, seed, loop_gain)).collect();
         let measured = Sorted::new(margins::measured_gains(&hard, rigs.jobs)?);
         let enough = measured.iter().filter(|gain| **gain >= MEASURED).count();

@@ -112,12 +112,12 @@ pub fn states(mechanism: &Mechanism) -> Result<Vec<OperatingPoint>> {
     Ok(states.map(|(load_n, twist_rad)| OperatingPoint::at(mechanism, load_n, twist_rad)).collect::<Result<_, _>>()?)
 }
 
-/// The computed margins of a loop where they are smallest: gain, peak of the sensitivity, and further delay (s), over the whole range
-/// of the table and with its constants a tenth off.
+/// The computed margins of the loop where each is worst: gain, peak of the sensitivity, and further delay (s), over the whole range
+/// of the table and with the mechanism's constants a tenth off.
 ///
 /// # Errors
 /// If a mechanism cannot be made.
-pub fn smallest(loop_gain: f64) -> Result<[f64; 3]> {
+pub fn worst(loop_gain: f64) -> Result<[f64; 3]> {
     let table = states(&scene().mechanism()?)?;
     let mut worst = [f64::INFINITY, 0.0, f64::INFINITY];
     for mechanism in with_constants_off(scene())? {

@@ -3,7 +3,7 @@
 use host_tests::ControlBench;
 use host_tests::compare::baseline::{Law, Loop};
 use host_tests::compare::{Comparison, play};
-use host_tests::margins::{Loosened, hung_at, oscillation_m, smallest, states};
+use host_tests::margins::{Loosened, hung_at, oscillation_m, states, worst};
 use host_tests::rigs::subject::Subject;
 use host_tests::scenario::Scenario;
 use lab::chart::margin::{DAMPING, DRIVE_PER_S, LinearLoop};
@@ -69,9 +69,9 @@ fn a_fixed_ratio_swings_from_the_gain_on_at_which_it_should() {
 /// What the gains were chosen for (docs/explanation/control.md 3).
 #[test]
 fn the_firmwares_loop_has_a_gain_margin_of_two_on_every_rig_whose_constants_are_a_tenth_off() {
-    let [gain, peak, delay_s] = smallest(1.0).unwrap();
+    let [gain, peak, delay_s] = worst(1.0).unwrap();
     assert!(gain > 2.0 && peak < 2.1 && delay_s > 0.04, "{gain} {peak} {delay_s}");
-    let [less, lower, longer_s] = smallest(0.5).unwrap();
+    let [less, lower, longer_s] = worst(0.5).unwrap();
     assert!(less > 1.3 * gain && lower < peak && longer_s > delay_s, "{less} {lower} {longer_s}: loop-gain 0.5");
 }
 

@@ -1,7 +1,7 @@
 //! A step of the LVDT that no load makes: the sensor, its core or its conditioner has shifted.
 //!
-//! A load on elastic strings swings. Even the lightest on strings at the half-turn pre-twist takes 30 ms for half of its oscillation,
-//! and friction can stop it there: of a millimetre within 20 ms it then moves a fifth before or after. A gap that goes on as
+//! A load on elastic strings swings. Even the lightest on strings at the half-turn pre-twist takes at least 30 ms for half of its
+//! oscillation, after which friction can stop it. If it moves a millimetre within 20 ms, it also moves before or after that. A gap that goes on as
 //! before, steps, and goes on as before is the sensor's doing.
 //! A smaller or slower shift looks like another load (`load-unknown`).
 
