@@ -16,15 +16,16 @@ pub struct Uncertainty {
     /// Standard error of how the radius depends on the load: of a load that is weighed, and of a change of the load, as a
     /// share of it.
     pub load_shape: f64,
-    /// Standard error of a light load on rods that have carried a much heavier one since, as a fraction of it.
+    /// How much heavier a light load seems on rods that have carried a much heavier one, as a fraction of it. Its standard error
+    /// is 0.6 of it (`hysteresis.rs` of rig-control).
     pub rod_memory: f64,
 }
 
 impl Default for Uncertainty {
     /// Constants from the paper for a rig of its kind that nobody has identified, an LVDT whose zero is measured with callipers, and
-    /// rods whose stress in transformation has a loop of 60 MPa to either side (crates/rig-plant/README.md).
+    /// rods between those of nominal and of hard emulated rigs, whose loops are 60 and 90 MPa to either side (crates/rig-plant/README.md).
     fn default() -> Self {
-        Self { radius: 0.03, gap_zero_m: 0.5e-3, load_shape: 0.03, rod_memory: 0.22 }
+        Self { radius: 0.03, gap_zero_m: 0.5e-3, load_shape: 0.03, rod_memory: 0.17 }
     }
 }
 

@@ -23,8 +23,8 @@ const MIN_SPREAD_N: f32 = 1.5;
 const MIN_SPREAD_TO_JUDGE_N: f32 = 0.3;
 /// Moves in a row beyond the bound that are neither chance nor a load that somebody goes on filling.
 const DOUBTFUL_MOVES: u8 = 2;
-/// Fraction of the error by memory that shows as a slope of a move.
-const MEMORY_FRACTION: f32 = 0.5;
+/// Fraction of what the rods remember that shows as a slope of a move.
+const MEMORY_FRACTION: f32 = 0.7;
 /// The same of the error by a load that has changed since homing. Chosen on 200 nominal rigs that were homed under 0.3 kg and moved
 /// 1.4 kg without calibration: their slopes come to 0.11. A slip of 3 mm on such a rig looks like another load too, and its slope
 /// stays beyond the bound.
@@ -85,7 +85,7 @@ impl Adaptation {
                 observer.rescale(-x * finding.scale_change);
             }
         } else if observation.moved_m > 0.0 {
-            self.record(x, observer.load_n());
+            self.record(x, observer.apparent_n());
         }
     }
 

@@ -13,7 +13,7 @@
 //! the rods and strings do when the load has changed since homing, and how long ago that was.
 
 use crate::homing::NINETY_PERCENT;
-use crate::hysteresis::memory_shape;
+use crate::hysteresis::{MEMORY_ERROR, RodMemory};
 use crate::load_motion::{LoadMotion, Measured};
 use crate::mechanism::Mechanism;
 use crate::{TICK_S, load_state};
@@ -41,32 +41,32 @@ const CONFIRMED_FRACTION: f32 = 0.1;
 /// Maximum difference (fraction of the load) of a move up and a move down that confirm the load.
 const SAME_FRACTION: f32 = 0.05;
 
-/// Standard errors of the load that change along a move as a drift does, without being one.
+/// Errors of the load that change along a move as a drift does, without being one.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct KnownErrors {
-    /// By what the rods remember, as a fraction of the load.
+    /// By what the rods remember, as a fraction of the load: all of it, because along a move nothing corrects it.
     pub memory: f32,
     /// By a load that differs from the homed one, as a fraction of the homed one.
     pub change: f32,
 }
 
-/// The observer of the load.
+/// The observer of the load. Inside it a load is an *apparent* one: that which the table's mechanism would show at this
+/// twist and gap. What is reported is the load itself, which rods that remember a heavier one make seem heavier.
 #[derive(Clone, Copy, Debug)]
 pub struct LoadObserver {
     /// How the load moves; `None` before the first gap and outside the table's twists.
     motion: Option<LoadMotion>,
-    load_n: f32,
-    /// As homing left it: load (N), covariance of scale and curve, noise of the gap (m), relative error of a change.
+    /// The apparent load (N).
+    apparent_n: f32,
+    /// As homing left it: apparent load (N), covariance of scale and curve, noise of the gap (m), relative error of a change.
     homed_n: f32,
-    /// Standard error of the load that homing found, as a fraction of it.
+    /// Standard error of the load that homing found, as a fraction of it, without what the rods remember.
     homed_fraction: f32,
     covariance: [f32; 3],
     gap_noise_m: f32,
     shape_error: f32,
-    /// Standard error of a light load after a much heavier one, as a fraction of it.
-    rod_memory: f32,
-    /// Maximum load since homing (N).
-    peak_n: f32,
+    /// The load that this is.
+    memory: RodMemory,
     /// Time since homing (s).
     age_s: f32,
     /// Coulomb friction of the rail, found at homing (N).
@@ -91,7 +91,7 @@ pub struct LoadObserver {
 /// Result of one tick.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Observation {
-    /// Load (N): given, or estimated.
+    /// Load for the mechanism (N): given, or the apparent one.
     pub load_n: f32,
     /// Friction between load and pull (N).
     pub friction_n: f32,
@@ -113,18 +113,22 @@ pub struct Observation {
 }
 
 impl LoadObserver {
-    /// Starts from a homing, after a way down, with how well the table's mechanism is known.
-    pub const fn new(homed: &HomingResult, known: &Uncertainty) -> Self {
+    /// Starts from a homing, after a way down, with how well the table's mechanism is known, and with the heaviest load (N)
+    /// that the rods remembered at that homing.
+    pub fn new(homed: &HomingResult, known: &Uncertainty, heaviest_n: f32) -> Self {
+        let memory = RodMemory { light: known.rod_memory, heaviest_n: heaviest_n.max(homed.load_n) };
+        let homed_n = memory.apparent_n(homed.load_n);
+        let by_memory = MEMORY_ERROR * memory.excess(homed.load_n);
+        let homed_fraction = homed.load_error_n / (NINETY_PERCENT * homed.load_n);
         Self {
             motion: None,
-            load_n: homed.load_n,
-            homed_n: homed.load_n,
-            homed_fraction: homed.load_error_n / (NINETY_PERCENT * homed.load_n),
+            apparent_n: homed_n,
+            homed_n,
+            homed_fraction: libm::sqrtf((homed_fraction * homed_fraction - by_memory * by_memory).max(0.0)),
             covariance: homed.covariance,
             gap_noise_m: homed.gap_noise_m,
             shape_error: known.load_shape,
-            rod_memory: known.rod_memory,
-            peak_n: homed.load_n,
+            memory,
             age_s: 0.0,
             friction_n: homed.friction_n,
             band: MOVING_BAND,
@@ -132,20 +136,25 @@ impl LoadObserver {
             noise_free_gap_m: None,
             quiet_ticks: SETTLED_TICKS,
             unsettled_n: 0.0,
-            confirmed_n: Some(homed.load_n),
+            confirmed_n: Some(homed_n),
             moved_load_n: [None; 2],
             source: LoadChoice::Auto,
         }
     }
 
-    /// The estimate (N).
+    /// The load that hangs (N).
     pub fn load_n(&self) -> f32 {
-        self.load_n
+        self.memory.load_n(self.apparent_n)
     }
 
-    /// Heaviest load since homing (N).
-    pub fn peak_n(&self) -> f32 {
-        self.peak_n
+    /// The load that the table's mechanism shows at this twist and gap (N).
+    pub fn apparent_n(&self) -> f32 {
+        self.apparent_n
+    }
+
+    /// Heaviest load that the rods remember (N).
+    pub fn heaviest_n(&self) -> f32 {
+        self.memory.heaviest_n
     }
 
     /// How the load moved when the gap was measured.
@@ -155,25 +164,25 @@ impl LoadObserver {
 
     /// Adds `change_n` (N), by which another scale of the twist changes the estimate.
     pub fn rescale(&mut self, change_n: f32) {
-        self.load_n += change_n;
+        self.apparent_n += change_n;
     }
 
     /// Ends a move along which the load weighed the same (`agrees`) or did not. A move up and a move down with the same
     /// load confirm it: friction that has changed makes them differ, and a shifted gap looks like another load at each twist.
     pub fn end_move(&mut self, agrees: bool) {
         let way = usize::from(self.direction > 0.0);
-        self.moved_load_n[way] = agrees.then_some(self.load_n);
+        self.moved_load_n[way] = agrees.then_some(self.apparent_n);
         if let [Some(down_n), Some(up_n)] = self.moved_load_n
-            && (up_n - down_n).abs() < SAME_FRACTION * self.load_n
+            && (up_n - down_n).abs() < SAME_FRACTION * self.apparent_n
         {
-            self.confirmed_n = Some(self.load_n);
+            self.confirmed_n = Some(self.apparent_n);
         }
     }
 
     /// Whether the load is that of homing or has been confirmed since. Gap and twist alone cannot show whether another load,
     /// a string that slipped, or a sensor that shifted has changed it.
     fn is_confirmed(&self) -> bool {
-        self.confirmed_n.is_some_and(|known_n| (self.load_n - known_n).abs() <= CONFIRMED_FRACTION * known_n)
+        self.confirmed_n.is_some_and(|known_n| (self.apparent_n - known_n).abs() <= CONFIRMED_FRACTION * known_n)
     }
 
     /// The strings are outside the table's twists: nothing is known of the load any more.
@@ -186,15 +195,10 @@ impl LoadObserver {
         self.band = RESTING_BAND;
     }
 
-    /// Standard error of the load by what the rods remember, as a fraction of the load.
-    pub fn memory_share(&self) -> f32 {
-        self.rod_memory * memory_shape(self.load_n, self.peak_n)
-    }
-
     /// Errors of the load that a move may show as if the strings had drifted.
     pub fn known_errors(&self) -> KnownErrors {
-        let change = self.shape_error * (self.load_n - self.homed_n).abs() / self.homed_n;
-        KnownErrors { memory: self.memory_share(), change }
+        let change = self.shape_error * (self.apparent_n - self.homed_n).abs() / self.homed_n;
+        KnownErrors { memory: self.memory.excess(self.load_n()), change }
     }
 
     /// Error of a load that hangs still, 90 % (N), at a point of the table and a twist (rad).
@@ -205,12 +209,13 @@ impl LoadObserver {
         let open_m2 = (by_scale_m * by_scale_m * scale + 2.0 * by_scale_m * both + constant).max(0.0);
         let gap_n = libm::sqrtf(open_m2 + self.gap_noise_m * self.gap_noise_m) / point.dgap_dload_m_per_n;
         // No later reading of the gap is better than what the homing could make of all of them.
-        let gap_n = gap_n.max(self.homed_fraction * self.load_n);
+        let load_n = self.load_n();
+        let gap_n = gap_n.max(self.homed_fraction * load_n);
         let band_n = self.band * self.friction_n;
-        let change_n = self.shape_error * (self.load_n - self.homed_n);
-        let memory_n = self.memory_share() * self.load_n;
+        let change_n = self.shape_error * (self.apparent_n - self.homed_n);
+        let memory_n = MEMORY_ERROR * self.memory.excess(load_n) * load_n;
         let drift = DRIFT[0] + (DRIFT[1] - DRIFT[0]) * (self.age_s / DRIFT_S).min(1.0);
-        let drift_n = drift * self.load_n;
+        let drift_n = drift * load_n;
         let variance_n2 =
             gap_n * gap_n + band_n * band_n + change_n * change_n + memory_n * memory_n + drift_n * drift_n;
         NINETY_PERCENT * libm::sqrtf(variance_n2)
@@ -222,7 +227,7 @@ impl LoadObserver {
         self.age_s += TICK_S;
         // First, because it decides at which end of the friction band the pull is expected.
         let moved_m = measured.map_or(0.0, |measured| self.track_gap(measured.gap_m));
-        let expected_n = self.load_n + self.direction * self.friction_n;
+        let expected_n = self.apparent_n + self.direction * self.friction_n;
         let point = mechanism.at(expected_n, twist_rad);
         let mut at_range_end = false;
         let mut pull_n = expected_n;
@@ -233,19 +238,19 @@ impl LoadObserver {
             motion.step(mechanism, twist_rad, measured);
             pull_n = motion.pull_n;
             let innovation_n = motion.weight_n - expected_n;
-            let load_n = self.load_n + self.correction(innovation_n, moved_m, &point);
-            self.load_n = load_n.clamp(m.load_min_n, m.load_max_n);
+            let load_n = self.apparent_n + self.correction(innovation_n, moved_m, &point);
+            self.apparent_n = load_n.clamp(m.load_min_n, m.load_max_n);
             // A load that is too heavy is a danger. One that is too light is none, and may still be within the range, by
             // the error of the estimate.
             let light = load_n < m.load_min_n && -innovation_n > self.still_error_n(&point, twist_rad);
             at_range_end = load_n > m.load_max_n || light;
         }
         if self.quiet_ticks >= SETTLED_TICKS {
-            self.peak_n = self.peak_n.max(self.load_n);
+            self.memory.heaviest_n = self.memory.heaviest_n.max(self.apparent_n);
         }
         let load_error_n = self.still_error_n(&point, twist_rad) + self.unsettled_n;
         let (load_n, point) = match self.source {
-            LoadChoice::Auto => (self.load_n, point),
+            LoadChoice::Auto => (self.apparent_n, point),
             LoadChoice::Known(given_n) => {
                 let load_n = given_n.clamp(m.load_min_n, m.load_max_n);
                 (load_n, mechanism.at(load_n + self.direction * self.friction_n, twist_rad))
@@ -281,7 +286,7 @@ impl LoadObserver {
     /// Change of the estimate (N) for a pull that differs from the expected one by `innovation_n`.
     fn correction(&mut self, innovation_n: f32, moved_m: f32, point: &Point) -> f32 {
         let outside_n =
-            load_state::moved_m(self.gap_noise_m) / point.dgap_dload_m_per_n + OUTSIDE_FRACTION * self.load_n;
+            load_state::moved_m(self.gap_noise_m) / point.dgap_dload_m_per_n + OUTSIDE_FRACTION * self.apparent_n;
         // Where the pull may be, relative to its end of the band.
         let (far, near) = (-2.0 * self.friction_n * self.direction, 0.0f32);
         let beyond = innovation_n - innovation_n.clamp(far.min(near), far.max(near));
@@ -306,25 +311,32 @@ impl LoadObserver {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::hysteresis::memory_shape;
     use rig_link::messages::GapCurve;
 
     /// A load of 5 N, with half a newton of error, without friction or noise; the scale is known to 1 %.
+    const HOMED: HomingResult = HomingResult {
+        zero_error_rad: 0.0,
+        load_n: 5.0,
+        load_error_n: 0.5,
+        friction_n: 0.0,
+        reference_gap_m: 0.06,
+        gap_noise_m: 0.0,
+        jump_m: 0.0,
+        twist_scale: 1.0,
+        curve: GapCurve::constant(0.0),
+        covariance: [1e-4, 0.0, 0.0],
+        drive_lag_s: 0.03,
+    };
+
     fn observer(shape_error: f32) -> LoadObserver {
-        let homed = HomingResult {
-            zero_error_rad: 0.0,
-            load_n: 5.0,
-            load_error_n: 0.5,
-            friction_n: 0.0,
-            reference_gap_m: 0.06,
-            gap_noise_m: 0.0,
-            jump_m: 0.0,
-            twist_scale: 1.0,
-            curve: GapCurve::constant(0.0),
-            covariance: [1e-4, 0.0, 0.0],
-            drive_lag_s: 0.03,
-        };
+        after(0.0, shape_error)
+    }
+
+    /// The same on rods that remember a load (N), of which a light one seems a fifth heavier.
+    fn after(heaviest_n: f32, shape_error: f32) -> LoadObserver {
         let known = Uncertainty { radius: 0.01, gap_zero_m: 1e-4, load_shape: shape_error, rod_memory: 0.2 };
-        LoadObserver::new(&homed, &known)
+        LoadObserver::new(&HOMED, &known, heaviest_n)
     }
 
     /// 1 mm/rad and 1 mm/N: a scale that is wrong by 1 % at 20 rad is 0.2 mm, or 0.2 N.
@@ -362,28 +374,45 @@ mod tests {
         let mut o = observer(0.0);
         for (change_n, confirmed) in [(0.45, true), (0.1, false), (-1.0, true), (-0.1, false)] {
             o.rescale(change_n);
-            assert_eq!(o.is_confirmed(), confirmed, "{}", o.load_n());
+            assert_eq!(o.is_confirmed(), confirmed, "{}", o.apparent_n());
         }
         // Up and down differ by 6 %, and then by 4 %.
-        for (up_n, confirmed) in [(1.06 * o.load_n(), false), (1.04 * o.load_n(), true)] {
-            let down_n = o.load_n();
+        for (up_n, confirmed) in [(1.06 * o.apparent_n(), false), (1.04 * o.apparent_n(), true)] {
+            let down_n = o.apparent_n();
             (o.direction, o.moved_load_n) = (-1.0, [None; 2]);
             o.end_move(true);
-            (o.direction, o.load_n) = (1.0, up_n);
+            (o.direction, o.apparent_n) = (1.0, up_n);
             o.end_move(true);
             assert_eq!(o.confirmed_n == Some(up_n), confirmed);
-            o.load_n = down_n;
+            o.apparent_n = down_n;
         }
+    }
+
+    /// Homed under 5 N after 12 N: the mechanism shows more than hangs. What the rods remember is part of homing's error, and
+    /// counts once.
+    #[test]
+    fn a_load_on_rods_that_remember_a_heavier_one_seems_heavier_than_what_is_reported() {
+        let (first, o) = (observer(0.0), after(12.0, 0.0));
+        let excess = 0.2 * memory_shape(5.0, 12.0);
+        assert!(same(o.apparent_n(), 5.0 * (1.0 + excess)) && same(o.load_n(), 5.0), "{o:?}");
+        let error_n = |o: &LoadObserver| o.still_error_n(&POINT, 0.0);
+        assert!(same(error_n(&o), error_n(&first)), "{} {}", error_n(&o), error_n(&first));
     }
 
     #[test]
     fn each_part_of_the_error_adds_its_square() {
         let mut o = observer(0.1);
-        o.load_n = 3.0;
         o.friction_n = 0.4;
-        o.peak_n = 10.0;
-        let memory = 0.2 * memory_shape(3.0, 10.0);
-        let parts = [0.5 / (5.0 * NINETY_PERCENT) * 3.0, MOVING_BAND * 0.4, 0.1 * 2.0, memory * 3.0, DRIFT[0] * 3.0];
+        o.memory.heaviest_n = 10.0;
+        o.apparent_n = o.memory.apparent_n(3.0);
+        let memory = MEMORY_ERROR * o.memory.excess(3.0);
+        let parts = [
+            0.5 / (5.0 * NINETY_PERCENT) * 3.0,
+            MOVING_BAND * 0.4,
+            0.1 * (5.0 - o.apparent_n),
+            memory * 3.0,
+            DRIFT[0] * 3.0,
+        ];
         let expected_n = NINETY_PERCENT * together(&parts);
         let found_n = o.still_error_n(&POINT, 0.0);
         assert!(same(found_n, expected_n), "{found_n} {expected_n}");

@@ -142,7 +142,12 @@ fn stretch(log: &Log, at: usize, mark: &Mark, board: &Board<'_>) -> Option<Stret
     let (ticks, filled, ended_by) = ticks(log, at);
     let first = ticks.first()?;
     // A log's zero twist is where its twist is zero. Without lag a command is the shaft's set-point itself.
-    let homed = Homed { zero_rad: 0.0, beyond_range: false, found: HomingResult { drive_lag_s: 0.0, ..found } };
+    let homed = Homed {
+        zero_rad: 0.0,
+        beyond_range: false,
+        heaviest_n: 0.0,
+        found: HomingResult { drive_lag_s: 0.0, ..found },
+    };
     let answers = answers(&ticks, &homed, board);
     let rms = |lag: f64| speeds(&ticks, &answers, lag).0.rms;
     let lag = (0..=LAG_QUARTERS).map(|k| 0.25 * f64::from(k)).min_by(|a, b| rms(*a).total_cmp(&rms(*b)))?;

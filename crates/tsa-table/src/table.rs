@@ -35,7 +35,7 @@ pub struct Uncertainty {
     pub gap_zero_m: f32,
     /// Of how the radius depends on the load: error of a weighed load, and of a change of the load (relative).
     pub load_shape: f32,
-    /// Of a light load on rods that have carried a much heavier one since (relative).
+    /// By how much a light load seems heavier on rods that have carried a much heavier one (relative); no standard error.
     pub rod_memory: f32,
 }
 

@@ -10,7 +10,7 @@
 
 use super::sweeps::{Bin, Sweeps};
 use crate::RigConstants;
-use crate::hysteresis::memory_shape;
+use crate::hysteresis::{MEMORY_ERROR, RodMemory};
 use crate::least_squares::Cholesky;
 use crate::mechanism::{Mechanism, TWIST_SCALE};
 use rig_link::gap_curve::{GapCurve, TERMS};
@@ -85,8 +85,12 @@ struct Fit {
 /// Result of a weighing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Weighed {
+    /// The load that fits the table's mechanism best (N), and the one that hangs on rods that remember a heavier one.
+    pub apparent_n: f32,
     pub load_n: f32,
-    /// The load fits best beyond the table's range, at whose end `load_n` stands.
+    /// Heaviest load that the rods remembered in the fit (N).
+    pub heaviest_n: f32,
+    /// The load fits best beyond the table's range, at whose end `apparent_n` stands.
     pub beyond_range: bool,
     /// Standard error of the load (N).
     pub load_sigma_n: f32,
@@ -292,14 +296,16 @@ impl LoadEstimate {
         let surprise = surprise.iter().map(|x| x * x).sum::<f32>();
         let inflation = (0.5 * surprise).max(1.0);
         // The scale takes up an error of the radius, but neither an error of how the radius depends on the load nor what the
-        // rods remember, which lasts.
-        let variance = match self.given {
-            LoadChoice::Auto => {
-                let memory = uncertainty.rod_memory * memory_shape(load_n, self.heaviest_n);
-                uncertainty.load_shape * uncertainty.load_shape + memory * memory
-            }
-            LoadChoice::Known(_) => 0.0,
+        // rods remember; under a given load it takes up both.
+        let [heaviest_n, shape] = match self.given {
+            LoadChoice::Auto => [self.heaviest_n, uncertainty.load_shape],
+            LoadChoice::Known(_) => [0.0; 2],
         };
+        let memory = RodMemory { light: uncertainty.rod_memory, heaviest_n };
+        let apparent_n = load_n;
+        let load_n = memory.load_n(apparent_n);
+        let by_memory = MEMORY_ERROR * memory.excess(load_n);
+        let variance = shape * shape + by_memory * by_memory;
         let load_sigma_n = load_n * libm::sqrtf(inflation * covariance[0][0] + variance);
         // Surely outside, whatever the error is.
         let margin_n = super::NINETY_PERCENT * load_sigma_n;
@@ -321,7 +327,9 @@ impl LoadEstimate {
             covariance[1][1] + scale_by_growth * (2.0 * covariance[4][1] + scale_by_growth * covariance[4][4]);
         let both = covariance[2][1] + scale_by_growth * covariance[4][2];
         Ok(Weighed {
+            apparent_n,
             load_n,
+            heaviest_n,
             beyond_range: !(m.load_min_n..=m.load_max_n).contains(&wanted_n),
             load_sigma_n: if unknown { load_n } else { load_sigma_n },
             twist_scale,

@@ -96,6 +96,9 @@ pub struct Homed {
     pub found: HomingResult,
     /// The load fits best beyond the table's range, at whose end the estimate stands.
     pub beyond_range: bool,
+    /// Heaviest load that the rods remembered in the fit (N); 0 where the load was given, because then the strings' scale
+    /// has taken up what they remember.
+    pub heaviest_n: f32,
 }
 
 /// Inputs of one tick.
@@ -436,7 +439,7 @@ impl Homing {
         let (reference_gap_m, gap_noise_m) = rest.mean_and_noise_m();
         // Where the load hangs after the sweeps must be where the sweeps say that it does, after a way down.
         let mechanism = Mechanism { table: *table, twist_scale: w.twist_scale, curve: w.curve };
-        let there = mechanism.at(w.load_n - w.friction_n, PI);
+        let there = mechanism.at(w.apparent_n - w.friction_n, PI);
         let shifted_m = (reference_gap_m - there.gap_m).abs();
         if shifted_m > SHIFTED_M + 2.0 * w.friction_n * there.dgap_dload_m_per_n {
             return Err(HomingFailure::Shifted);
@@ -444,6 +447,7 @@ impl Homing {
         Ok(Phase::Done(Homed {
             zero_rad: self.zero_rad,
             beyond_range: w.beyond_range,
+            heaviest_n: w.heaviest_n,
             found: HomingResult {
                 zero_error_rad: self.zero_error_rad,
                 load_n: w.load_n,

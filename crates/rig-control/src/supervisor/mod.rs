@@ -218,7 +218,7 @@ impl Controller {
         self.sensing.read(inputs, &self.constants);
         if let Some(tracking) = &mut self.tracking {
             tracking.observe(&self.table.table(), &self.sensing.readings);
-            self.heaviest_n = self.heaviest_n.max(tracking.observer.peak_n());
+            self.heaviest_n = self.heaviest_n.max(tracking.observer.heaviest_n());
         }
         self.watch_estop(inputs.estop_open, &mut events);
         let raised = self.watch(inputs, &mut events);

@@ -102,7 +102,7 @@ impl Controller {
         let tracking = self.tracking.as_ref()?;
         Some(MoveStart {
             mechanism: tracking.mechanism(self.table.table()),
-            load_n: tracking.observer.load_n(),
+            load_n: tracking.observer.apparent_n(),
             friction_n: tracking.homed.found.friction_n,
             twist_rad: tracking.twist_rad(self.shaft.position),
             position_m: tracking.position_m,

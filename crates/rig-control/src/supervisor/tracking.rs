@@ -37,7 +37,7 @@ impl LoadTracking {
         homed.found.reference_gap_m -= settings.get(Setting::PositionZero);
         Self {
             homed,
-            observer: LoadObserver::new(&homed.found, &table.metadata.uncertainty),
+            observer: LoadObserver::new(&homed.found, &table.metadata.uncertainty, homed.heaviest_n),
             homed_gap_m: homed.found.reference_gap_m,
             lvdt_change_error: constants.lvdt_change_error(),
             adaptation: Adaptation::new(homed.found.twist_scale),

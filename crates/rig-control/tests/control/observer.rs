@@ -31,8 +31,8 @@ fn observer() -> LoadObserver {
         covariance: [1e-6, 0.0, 0.0],
         drive_lag_s: 0.01,
     };
-    let known = Uncertainty { radius: 0.01, gap_zero_m: 1e-4, load_shape: 0.01, rod_memory: 0.1 };
-    LoadObserver::new(&homed, &known)
+    let known = Uncertainty { radius: 0.01, gap_zero_m: 1e-4, load_shape: 0.01, rod_memory: 1e-6 };
+    LoadObserver::new(&homed, &known, 0.0)
 }
 
 /// A gap that is measured a tick after the one before.

@@ -4,7 +4,9 @@ extern crate std;
 
 use super::*;
 use crate::constants::tests::RIG;
+use crate::hysteresis::memory_shape;
 use std::sync::OnceLock;
+use tsa_table::Uncertainty;
 use tsa_table::owned::OwnedTable;
 
 /// The table of the default scene.
@@ -295,17 +297,21 @@ fn a_surprise_makes_everything_less_certain() {
 }
 
 #[test]
-fn a_load_on_rods_that_remember_a_heavier_one_is_less_certain_unless_it_is_given() {
-    let memory = table().metadata.uncertainty.rod_memory;
+fn a_load_on_rods_that_remember_a_heavier_one_is_lighter_than_it_seems_unless_it_is_given() {
+    let Uncertainty { rod_memory, load_shape, .. } = table().metadata.uncertainty;
     for heaviest_n in [0.0f32, 5.0, 7.0, 12.0] {
-        let sigma = |given| {
+        let found = |given| {
             let remembers = LoadEstimate { heaviest_n, ..ended(EXPECTED, given) };
             let fit = Fit { covariance: [[0.0; UNKNOWNS]; UNKNOWNS], scale_by_growth: 0.0, residual_m: 0.0 };
-            remembers.result(table(), 5.0, &fit).expect("a load").load_sigma_n / 5.0
+            remembers.result(table(), 5.0, &fit).expect("a load")
         };
-        let shape = table().metadata.uncertainty.load_shape;
-        near(sigma(LoadChoice::Auto), shape.hypot(memory * memory_shape(5.0, heaviest_n)), 1e-3);
-        assert_eq!(sigma(LoadChoice::Known(5.0)), 0.0);
+        let weighed = found(LoadChoice::Auto);
+        let excess = rod_memory * memory_shape(weighed.load_n, heaviest_n);
+        assert_eq!((weighed.apparent_n, weighed.heaviest_n), (5.0, heaviest_n));
+        near(weighed.load_n * (1.0 + excess), 5.0, 1e-3);
+        near(weighed.load_sigma_n / weighed.load_n, load_shape.hypot(MEMORY_ERROR * excess), 1e-3);
+        let given = found(LoadChoice::Known(5.0));
+        assert_eq!((given.apparent_n, given.load_n, given.load_sigma_n, given.heaviest_n), (5.0, 5.0, 0.0, 0.0));
     }
 }
 
