@@ -31,10 +31,8 @@ const MEASURED_RAD: f32 = 0.05;
 /// Ticks for the shorted motor to stop (J R / k² is 2.3 ms for the default one), and for the drive to report it.
 const STOP_TICKS: i16 = 6;
 /// Maximum difference of the two counts, as a part of the greater one: a channel that loses every fifth count, or a drive that
-/// is set for another encoder, must show.
+/// is set for another encoder, must show. An encoder that turns by less stands.
 const ALIKE: f32 = 0.1;
-/// Turn below which an encoder stands, as a part of the other's.
-const STANDS: f32 = 0.1;
 /// Change of the gap (m) that shows that the strings have turned: ten times the noise of a reading.
 const GAP_MOVED_M: f32 = 50e-6;
 
@@ -123,10 +121,10 @@ impl Witnesses {
     fn wrong(&self) -> Option<Fault> {
         let Self { drive_rad, own_rad, gap_m } = *self;
         let turned = self.turned();
-        if turned < STANDS * MEASURED_RAD {
+        if turned < ALIKE * MEASURED_RAD {
             return Some(if gap_m.abs() > GAP_MOVED_M { Fault::EncoderStuck } else { Fault::MotorStill });
         }
-        let stands = |rad: f32| rad.abs() < STANDS * turned;
+        let stands = |rad: f32| rad.abs() < ALIKE * turned;
         match (drive_rad > 0.0, own_rad > 0.0) {
             _ if stands(drive_rad) => Some(Fault::DriveEncoder),
             _ if stands(own_rad) => Some(Fault::EncoderStuck),

@@ -1,6 +1,6 @@
 //! A planned move of the load, and the hold after it: planner and position loop, tick by tick, and when a move is over.
 
-use super::{lasts, ticks};
+use super::{STANDING_TICKS, lasts, ticks};
 use crate::limits::Limits;
 use crate::load_state::LoadState;
 use crate::planner::{Planner, SetPoint};
@@ -15,7 +15,6 @@ const ARRIVED_NOISES: f32 = 2.5;
 /// A load that sticks farther from its target than that, and nearer than another jump would bring it, is moved back and
 /// comes again, once: on hard rigs a second time takes longer and is hardly better (docs/explanation/control.md 4). It
 /// goes back by so many jumps, farther than its friction band.
-const STUCK_TICKS: u16 = ticks(20);
 const BACK_JUMPS: f32 = 2.0;
 /// A set-point waits for strings that are behind it, because the load has changed while they turn as fast as they can: from the first
 /// distance (m) on it is slower, and from the second on it has the smallest fraction of the motor's speed.
@@ -158,7 +157,7 @@ impl Move {
         let left = error_m.abs() < self.control.position_loop.rest.tolerance_m(load.jump_m);
         let sticks =
             self.comes_again(load) && error_m.abs() > Self::arrived_m(load) && left && load.observation.moved_m == 0.0;
-        if lasts(&mut self.stuck_ticks, sticks, STUCK_TICKS) {
+        if lasts(&mut self.stuck_ticks, sticks, STANDING_TICKS) {
             let back_m = (BACK_JUMPS * load.jump_m).min(self.distance_m.abs());
             self.may_come_again = false;
             self.goes_back = true;

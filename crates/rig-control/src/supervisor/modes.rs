@@ -3,7 +3,7 @@
 use super::load_control::{LoadControl, Move};
 use super::sensing::DriveZero;
 use super::stream::Stream;
-use super::{Controller, DriveLoop, Events, Inputs, STANDING_RPM, ticks};
+use super::{Controller, DriveLoop, Events, Inputs, STANDING_RPM, STANDING_TICKS, ticks};
 use crate::direction::{DirectionCheck, Step, Witnesses};
 use crate::homing::{Homing, HomingInputs, Progress};
 use crate::ramp::Ramp;
@@ -12,8 +12,6 @@ use crate::{TICK_S, whole_counts};
 use core::f32::consts::TAU;
 use rig_link::messages::{EventKind, Fault, Faults, HomingFailure, Limit, LoadChoice, State};
 
-/// How long shaft and LVDT must be steady before the start is over.
-const STANDING_TICKS: u16 = ticks(20);
 /// Motor speed (rad/s) below which it stands during a start while it is only shorted: a heavy load on twisted strings turns it at
 /// 11 rad/s. In the 10 ms of a report the counts then move by less than a fifth of the difference that is a fault.
 const SINKING_RAD_PER_S: f32 = 40.0;

@@ -57,8 +57,8 @@ fn the_supply_may_be_off_for_less_than_two_reports() {
         }
     };
     let [min, max] = constants().supply_limits_v;
-    assert_eq!(fault_of(volts(min - 0.01, 0)), Some((10, Fault::Supply)));
-    assert_eq!(fault_of(volts(max + 0.01, 149_000)), Some((10, Fault::Supply)));
+    assert_eq!(fault_of(volts(min - 0.01, 0)), Some((8, Fault::Supply)));
+    assert_eq!(fault_of(volts(max + 0.01, 149_000)), Some((8, Fault::Supply)));
     assert_eq!(fault_of(volts(max + 0.01, 150_000)), None, "it is old");
     assert_eq!(fault_of(volts(min, 0)), None);
     // It cannot be cleared while it lasts.
@@ -80,9 +80,9 @@ fn own_encoder_and_drive_are_compared() {
     assert_eq!(fault_of(apart(-1490)), None);
     assert_eq!(fault_of(apart(1510)), Some((8, Fault::EncoderJump)), "it goes on counting alike");
     assert_eq!(fault_of(apart(-4096)), Some((8, Fault::EncoderJump)));
-    // More than one and a half times the maximum speed and 500 counts.
+    // More than the maximum speed makes, and what the two may differ by.
     let constants = constants();
-    let max = (1.5 * constants.twist_speed_max() * constants.counts_per_rad * 0.01 + 500.0) as i64;
+    let max = (constants.twist_speed_max() * constants.counts_per_rad * 0.01 + 1500.0) as i64;
     let start_us = holding().now_us;
     let jump = |counts| {
         move |inputs: &mut Inputs| {
@@ -147,11 +147,11 @@ fn each_fault_of_the_lvdt_is_raised_after_eight_ticks_without_a_gap() {
     bench.tamper = None;
     bench.tick(None);
     assert_eq!((bench.ask(Request::Clear), bench.rig.state()), (Ok(Accepted::Done), State::Ready));
-    // A sensor that was never there is reported two seconds after the drive is.
+    // A sensor that was never there is reported three seconds after the drive is.
     let mut bench = Bench::new(5.0, 0.01, 9.0);
     bench.tamper = tamper(|inputs| inputs.lvdt = None);
     let (ticks, fault) = bench.ticks_until_fault(500).expect("a fault");
-    assert!(fault == Fault::LvdtStalled && (200..215).contains(&ticks), "{fault} after {ticks}");
+    assert!(fault == Fault::LvdtStalled && (300..315).contains(&ticks), "{fault} after {ticks}");
 }
 
 #[test]
@@ -292,13 +292,13 @@ fn a_shaft_that_does_not_follow_is_a_fault_after_three_tenths_of_a_second() {
 }
 
 #[test]
-fn a_load_that_stays_behind_its_set_point_is_a_fault_after_half_a_second() {
+fn a_load_that_stays_behind_its_set_point_is_a_fault_after_three_tenths_of_a_second() {
     let mut bench = holding();
     // The rail is blocked.
     bench.friction_n = 100.0;
     bench.begin(to(0.002, 0.004));
     let (ticks, fault) = bench.ticks_until_fault(600).expect("a fault");
-    // 2 mm at 4 mm/s and half a second, once friction is taken up.
+    // 2 mm at 4 mm/s and 0.3 s, once friction is taken up.
     assert!(fault == Fault::FollowingError && (100..250).contains(&ticks), "{fault} after {ticks}");
 }
 
@@ -358,7 +358,7 @@ fn a_held_shaft_that_turns_is_let_go_once() {
     while !bench.rig.faults().contains(Fault::NotHeld) && bench.now_us < from_us + 2_000_000 {
         bench.tick(None);
     }
-    assert_eq!((bench.now_us - from_us) / TICK_US, 10);
+    assert_eq!((bench.now_us - from_us) / TICK_US, 8);
     assert_eq!((bench.command, bench.rig.fault()), (DriveCommand::LetGo, Some(Fault::NotHeld)));
     bench.tamper = None;
     assert_eq!(bench.ask(Request::Clear), Ok(Accepted::Done));
@@ -383,7 +383,7 @@ fn nothing_is_cleared_while_a_held_shaft_turns() {
 
 #[test]
 fn a_load_beyond_the_table_is_a_fault_at_the_heavy_end_and_later_at_the_light_one() {
-    for (load_n, ticks) in [(20.0f32, 30..500), (0.1, 200..300)] {
+    for (load_n, ticks) in [(20.0f32, 30..500), (0.1, 300..400)] {
         let mut bench = Bench::new(if load_n > 5.0 { 10.0 } else { 1.5 }, 0.0, 9.0);
         bench.home();
         bench.move_to(0.004, 0.004);

@@ -1,7 +1,7 @@
 //! Drive and encoder: whether the drive answers, has restarted, has its supply, and counts as the own encoder does.
 
-use super::super::{Inputs, lasts, ticks};
-use super::Situation;
+use super::super::{Inputs, lasts};
+use super::{BRIEF_TICKS, Situation};
 use crate::sensors::DriveReading;
 use crate::{RigConstants, seconds, whole_counts};
 use core::f32::consts::TAU;
@@ -14,19 +14,11 @@ const DRIVE_SILENT_US: u64 = 55_000;
 /// speed. A slipped motor turn, 4096 counts, must show.
 const DISAGREE_COUNTS: i64 = 1500;
 const DISAGREE_S: f32 = 0.012;
-const DISAGREE_TICKS: u16 = ticks(8);
-/// Fraction of the disagreement by which the two may grow apart further and still count alike, but for one jump.
+/// Fraction of the disagreement by which the two may grow apart further and still count alike, but for one jump; and of the
+/// other's way below which one has not moved.
 const ALIKE_FRACTION: i64 = 4;
-/// Fraction of the drive's way below which the own encoder has not moved.
-const STUCK_FRACTION: i64 = 10;
-/// Counts in one tick that no motor makes: this many times what its maximum speed makes, and some for a tick's jitter.
-const JUMP_FACTOR: f32 = 1.5;
-const JUMP_COUNTS: f32 = 500.0;
-/// A drive position this near to zero after having been this far away has been reset (counts).
-const RESET_NEAR: i32 = 400;
+/// A drive position that is nearer to zero than the two may differ, after having been this far away (counts), has been reset.
 const RESET_FAR: i32 = 8000;
-/// How long the supply must be out of its limits: two of the drive's reports.
-const SUPPLY_TICKS: u16 = ticks(10);
 /// Age (µs) past which a report of the supply says nothing.
 const SUPPLY_OLD_US: u64 = 150_000;
 
@@ -95,13 +87,14 @@ impl DriveChecks {
             return found;
         }
         let supply_off = started && supply_is_off(inputs, constants);
-        if lasts(&mut self.supply_ticks, supply_off, SUPPLY_TICKS) {
+        if lasts(&mut self.supply_ticks, supply_off, BRIEF_TICKS) {
             found.insert(Fault::Supply);
         }
-        let max = JUMP_FACTOR * constants.twist_speed_max() * constants.counts_per_rad.abs() * tick_s;
+        // What no motor makes in a tick.
+        let max_counts = constants.twist_speed_max() * constants.counts_per_rad.abs() * tick_s;
         let encoder = if !closed_loop {
             None
-        } else if moved_counts.abs() > whole_counts(max + JUMP_COUNTS) {
+        } else if moved_counts.abs() > whole_counts(max_counts) + DISAGREE_COUNTS {
             Some(Fault::EncoderJump)
         } else {
             offset.and_then(|offset| self.disagreement([inputs.encoder_counts, drive_counts], offset, counts_per_s))
@@ -118,16 +111,16 @@ impl DriveChecks {
         if !disagree {
             self.disagreed_at = None;
         }
-        if !lasts(&mut self.disagree_ticks, disagree, DISAGREE_TICKS) {
+        if !lasts(&mut self.disagree_ticks, disagree, BRIEF_TICKS) {
             return None;
         }
         let (own_way, drive_way) = (own - own_then, drive - drive_then);
-        Some(if drive_way.abs() < own_way.abs() / STUCK_FRACTION && own_way.abs() > DISAGREE_COUNTS / 2 {
+        Some(if drive_way.abs() < own_way.abs() / ALIKE_FRACTION && own_way.abs() > DISAGREE_COUNTS / 2 {
             // The drive does not see what it does, and turns on and on.
             Fault::DriveEncoder
         } else if (own_way - drive_way).abs() < apart / ALIKE_FRACTION {
             Fault::EncoderJump
-        } else if own_way.abs() < drive_way.abs() / STUCK_FRACTION {
+        } else if own_way.abs() < drive_way.abs() / ALIKE_FRACTION {
             Fault::EncoderStuck
         } else {
             Fault::EncoderDisagrees
@@ -143,7 +136,7 @@ fn allowed_counts(counts_per_s: f32) -> i64 {
 /// Whether a drive's count is near zero after having been far away. A fast shaft with many counts passes zero like this as well, but
 /// then the own encoder agrees.
 fn was_reset(last_qc: Option<i32>, now_qc: i32) -> bool {
-    last_qc.is_some_and(|last| last.saturating_abs() > RESET_FAR) && now_qc.saturating_abs() < RESET_NEAR
+    last_qc.is_some_and(|last| last.saturating_abs() > RESET_FAR) && i64::from(now_qc).abs() < DISAGREE_COUNTS
 }
 
 #[cfg(test)]
@@ -152,8 +145,8 @@ mod tests {
 
     #[test]
     fn a_count_at_zero_after_a_count_far_away_was_reset() {
-        assert!(was_reset(Some(8001), 0) && was_reset(Some(-9000), 399));
-        for (last_qc, now_qc) in [(None, 0), (Some(7999), 0), (Some(8001), 401)] {
+        assert!(was_reset(Some(8001), 0) && was_reset(Some(-9000), 1499));
+        for (last_qc, now_qc) in [(None, 0), (Some(7999), 0), (Some(8001), 1500)] {
             assert!(!was_reset(last_qc, now_qc), "{last_qc:?} {now_qc}");
         }
         // At 9000 counts in a tick of 10 ms, own encoder and drive may be a tick apart.

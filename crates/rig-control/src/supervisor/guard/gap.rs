@@ -1,14 +1,11 @@
 //! The gap: what it shows of the strings, and of the LVDT itself.
 
-use super::super::{lasts, ticks};
-use super::Situation;
+use super::super::lasts;
 use super::lvdt_jump::LvdtJump;
+use super::{BRIEF_TICKS, LONG_TICKS, Situation};
 use crate::sensors::{DriveReading, LvdtReading};
 use rig_link::messages::Fault;
 
-/// Ticks that an LVDT reading may be missing while it is needed, and while starting.
-const LVDT_TICKS: u16 = 8;
-const LVDT_BOOT_TICKS: u16 = ticks(200);
 /// Fall of the load (m) since the last good reading, and in each of so many ticks, that no motor makes: it has dropped. A
 /// sensor that shifts steps in one or two ticks.
 const DROP_M: f32 = 5e-3;
@@ -61,7 +58,7 @@ impl GapChecks {
         let bad = !matches!(lvdt, LvdtReading::Valid { .. });
         // Without this a rig whose sensor is not plugged in would wait for it without a word.
         let waits = matches!(situation.inputs.drive, DriveReading::Reports { .. });
-        let limit = if started { LVDT_TICKS } else { LVDT_BOOT_TICKS };
+        let limit = if started { BRIEF_TICKS } else { LONG_TICKS };
         lasts(&mut self.missing_ticks, bad && (started || waits), limit).then_some(match lvdt {
             LvdtReading::Invalid(fault) => fault,
             LvdtReading::Valid { .. } | LvdtReading::NotYet => Fault::LvdtStalled,

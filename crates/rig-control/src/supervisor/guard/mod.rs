@@ -32,8 +32,11 @@ use switches::Switches;
 use timing::TickTiming;
 use tsa_table::Metadata;
 
-/// How long the shaft must stand before anything is cleared.
-pub(super) const STILL_TICKS: u16 = ticks(20);
+/// How long a finding must last to be a fault: longer than a wrong reading or a late report; than a shaft or a load needs to
+/// follow; than somebody needs to hang a load on or to take it off.
+const BRIEF_TICKS: u16 = ticks(8);
+const SHORT_TICKS: u16 = ticks(30);
+const LONG_TICKS: u16 = ticks(300);
 
 /// What the checks compare in one tick: readings, and what the rig is doing.
 pub(super) struct Situation<'a> {

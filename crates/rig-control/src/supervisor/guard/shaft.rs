@@ -2,21 +2,17 @@
 
 use super::super::fault_policy::{Latched, Response};
 use super::super::sensing::DriveZero;
-use super::super::{STANDING_RPM, lasts, ticks};
-use super::{Situation, drive};
+use super::super::{STANDING_RPM, lasts};
+use super::{BRIEF_TICKS, SHORT_TICKS, Situation, drive};
 use crate::sensors::DriveReading;
 use crate::whole_counts;
 use core::f32::consts::TAU;
 use rig_link::messages::State;
 
-/// How far the shaft may stay behind its set-point (rad, and seconds of its speed), and for how long.
+/// How far the shaft may stay behind its set-point, or go away from where it is held (rad): ten times the overshoot of a shaft
+/// that is stopped from a fast move of the emulated rig; and how far besides while it turns (s of its speed).
 const LAG_RAD: f32 = 0.8;
 const LAG_S: f32 = 0.25;
-const LAG_TICKS: u16 = ticks(30);
-/// How far a held shaft may be from where it is held (rad), and for how long: ten times the overshoot of a shaft that is
-/// stopped from a fast move of the emulated rig.
-const NOT_HELD_RAD: f32 = 0.8;
-const NOT_HELD_TICKS: u16 = ticks(10);
 /// How far the strings may go past their range (rad), or past where they stood at a `clear`.
 const PAST_TWIST_RAD: f32 = 0.3;
 
@@ -69,8 +65,8 @@ impl ShaftChecks {
             }
             (true, _) => None,
         };
-        let away = shaft_rad.is_some_and(|shaft_rad| (shaft_rad - situation.shaft.position).abs() > NOT_HELD_RAD);
-        lasts(&mut self.away_ticks, held && away, NOT_HELD_TICKS)
+        let away = shaft_rad.is_some_and(|shaft_rad| (shaft_rad - situation.shaft.position).abs() > LAG_RAD);
+        lasts(&mut self.away_ticks, held && away, BRIEF_TICKS)
     }
 
     /// The twist is farther out than the strings' range, or than where it was cleared. Nearer, the bound follows it.
@@ -87,6 +83,6 @@ impl ShaftChecks {
         let Situation { shaft, readings, .. } = situation;
         let follows = situation.drive_zero.is_matched() && situation.state != State::Fault;
         let behind = (shaft.position - readings.shaft_rad).abs() > LAG_RAD + LAG_S * shaft.speed.abs();
-        lasts(&mut self.lag_ticks, behind && follows, LAG_TICKS)
+        lasts(&mut self.lag_ticks, behind && follows, SHORT_TICKS)
     }
 }
