@@ -14,7 +14,7 @@ const REFUSED: [(&str, Request); 3] =
 /// What the board may say too late (s): the fault's own checks, the drive's 0.1 s between stall frames.
 const TOLD_WITHIN_S: f64 = 0.35;
 /// How far the strings may turn (rad) while the board says that they are held: the fault that says otherwise is raised at
-/// 0.8 rad for 0.1 s, and a load that falls is fast by then.
+/// 0.8 rad for 80 ms, and a load that falls is fast by then.
 const HELD_RAD: f64 = 2.0;
 /// Motor speed (rad/s) above which the strings are really turning.
 const TURNING_RAD_PER_S: f64 = 10.0;

@@ -147,12 +147,12 @@ fn memory(data: &Data, slope: impl Fn(f64, f64) -> Option<f64>, name: &str, swee
     Ok(Memory { sweep: name.to_owned(), load_n, after_n, fraction: mean(&fractions), half_width_90 })
 }
 
-/// Standard error of a light load on rods that have carried a much heavier one, as the scene states it: the maximum of the
+/// By how much a light load seems heavier on rods that have carried a much heavier one, as the scene states it: the mean of the
 /// pairs, by the firmware's rule; none without any.
 pub fn rod_memory(memories: &[Memory]) -> Option<f64> {
-    let of_a_light_load = |m: &Memory| m.fraction.abs() / f64::from(memory_shape(m.load_n as f32, m.after_n as f32));
-    let largest = memories.iter().map(of_a_light_load).max_by(f64::total_cmp);
-    largest.map(|fraction| fraction.clamp(FRACTIONS[0], FRACTIONS[1]))
+    let of_a_light_load = |m: &Memory| m.fraction / f64::from(memory_shape(m.load_n as f32, m.after_n as f32));
+    let all: Vec<f64> = memories.iter().map(of_a_light_load).collect();
+    (!all.is_empty()).then(|| mean(&all).clamp(FRACTIONS[0], FRACTIONS[1]))
 }
 
 #[cfg(test)]
