@@ -13,7 +13,7 @@ use crate::units::{MM, RAD};
 use rig_config::Scene;
 use rig_control::homing::Homed;
 use rig_control::{Controller, DriveCommand, DriveReading, Inputs, LvdtBlock, RigConstants, TICK_S, TICK_US, settings};
-use rig_link::{HomingResult, Request, Setting, SettingValues, State};
+use rig_link::{HomingResult, LoadChoice, Request, Setting, SettingValues, State};
 use serde::Serialize;
 use std::f32::consts::PI;
 use tsa_table::Table;
@@ -145,7 +145,7 @@ fn stretch(log: &Log, at: usize, mark: &Mark, board: &Board<'_>) -> Option<Stret
     let homed = Homed {
         zero_rad: 0.0,
         beyond_range: false,
-        heaviest_n: 0.0,
+        heaviest_n: heaviest_n(log, at),
         found: HomingResult { drive_lag_s: 0.0, ..found },
     };
     let answers = answers(&ticks, &homed, board);
@@ -166,6 +166,18 @@ fn stretch(log: &Log, at: usize, mark: &Mark, board: &Board<'_>) -> Option<Stret
         twist_speed_rad_per_s: twist_speed,
         parted: divergence(&ticks, &answers, parted_speed),
     })
+}
+
+/// The heaviest load that the log shows before a homing (N), as far as the board made use of it: not where the load was given.
+fn heaviest_n(log: &Log, homed: usize) -> f32 {
+    let asked = log.marks[..homed].iter().rev().find_map(|m| match m.mark {
+        Mark::Request(Request::Home { load }) => Some(load),
+        _ => None,
+    });
+    match asked {
+        Some(LoadChoice::Known(_)) => 0.0,
+        _ => log.rows[..log.marks[homed].row].iter().filter_map(|row| row.load_n).fold(0.0, f32::max),
+    }
 }
 
 /// The ticks after a homing, how many of them are filled in, and what ended them.

@@ -169,6 +169,20 @@ fn is_replayed_until_it_says_otherwise(path: &Path) {
     }
 }
 
+/// The second homing takes into account what the rods remember of the first load.
+#[test]
+fn a_homing_after_a_heavier_load_is_replayed_with_what_the_rods_remember() {
+    let (script, log) = (file("lighter.script"), file("lighter.csv"));
+    std::fs::write(&script, "2.5 home\n42 plant load=0.4kg\n47 home\n90 move 8mm speed=3mm/s\n95 end\n")
+        .expect("written");
+    let record = ["record", "--script", text(&script), "--out", text(&log), "--plant", "load=1kg"];
+    let output = rigctl(&record);
+    assert!(output.status.success(), "{}", error_of(&output));
+    let output = rigctl(&["replay", "--json", text(&log)]);
+    let stretches = lines(&output)[0]["stretches"].clone();
+    assert!(stretches[1]["ticks"].as_u64() > Some(300) && stretches[1]["parted"].is_null(), "{stretches}");
+}
+
 #[test]
 fn a_log_holds_the_calibration_and_is_replayed_and_restored_with_it() {
     let folder = folder("calibrated");
