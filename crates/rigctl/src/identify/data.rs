@@ -10,10 +10,12 @@ use crate::csv_text::{Table, no_number};
 use crate::failure::Failure;
 use crate::log::sweep::Sweep;
 use crate::log::{self, Log};
-use crate::units::{M, TURNS_OF_RAD};
+use crate::units::{M, N, TURNS_OF_RAD};
 use rig_config::Scene;
+use rig_control::hysteresis::memory_shape;
 use std::ops::Range;
 use std::path::Path;
+use std::time::SystemTime;
 use tsa_model::{PRETWIST_RAD, Parameters, twist_from_turns};
 
 /// What a row measures.
@@ -88,6 +90,8 @@ pub struct Data {
     pub files: Vec<(String, Range<usize>)>,
     /// Sweeps on rods that had just carried a heavier load, which are not fitted: file and equilibria.
     pub after: Vec<(String, Sweep)>,
+    /// Sweeps that were recorded after a heavier load without saying so, in words.
+    pub remembering: Vec<String>,
 }
 
 impl Data {
@@ -178,7 +182,7 @@ impl Data {
     #[must_use]
     pub fn based_on(&self, base: &Parameters) -> Self {
         let rows = self.rows.iter().map(|row| Row { base: *base, ..row.clone() }).collect();
-        Self { rows, zeros: self.zeros, bad: Vec::new(), files: self.files.clone(), after: Vec::new() }
+        Self { rows, zeros: self.zeros, files: self.files.clone(), ..Self::default() }
     }
 
     /// The rows of each recorded sweep, which is one load in one file, in order of twist.
@@ -242,6 +246,8 @@ pub const SIGMA_M: f64 = 25e-6;
 /// Minimum and maximum standard error that a row can state (m). No sensor of a rig is as good or as bad, and the squares of errors in
 /// standard deviations stay far from the limits of a number.
 const SIGMAS_M: [f64; 2] = [1e-9, 1.0];
+/// Fraction of the most that rods remember from which on it is worth a word.
+const SHOWS: f32 = 0.1;
 
 /// Recorded sweeps. A log that was cut or broken off is taken only if `partial`.
 ///
@@ -250,16 +256,69 @@ const SIGMAS_M: [f64; 2] = [1e-9, 1.0];
 pub fn sweeps(scene: &Scene, files: &[impl AsRef<Path>], partial: bool) -> Result<Data, Failure> {
     let base = Parameters::new(&scene.geometry, &scene.string, &scene.material)?;
     let mut data = Data::default();
+    let mut recorded = Vec::new();
     for path in files.iter().map(AsRef::as_ref) {
         let name = path.display().to_string();
         let content = rig_config::files::read(path).map_err(|e| e.to_string());
         let read = content.and_then(|bytes| match Log::is_one(&bytes) {
-            true => data.add_log(&name, &base, &Log::load(path)?, partial),
+            true => {
+                let log = Log::load(path)?;
+                data.add_log(&name, &base, &log, partial)?;
+                recorded.extend(Recorded::new(&name, &log));
+                Ok(())
+            }
             false => data.add_file(&name, &base, &String::from_utf8_lossy(&bytes)),
         });
         read.map_err(|what| Failure::failed(format!("sweep {name}: {what}")))?;
     }
+    data.remembering = recorded.iter().filter_map(|sweep| sweep.remembers(&recorded)).collect();
     Ok(data)
+}
+
+/// When a sweep was recorded under which load.
+struct Recorded {
+    name: String,
+    load_n: f64,
+    is_after: bool,
+    host_time: SystemTime,
+    /// First and last time of the board (s).
+    board_s: [f64; 2],
+    emulated: bool,
+}
+
+impl Recorded {
+    /// Of a log that tells all of it.
+    fn new(name: &str, log: &Log) -> Option<Self> {
+        Some(Self {
+            name: name.to_owned(),
+            load_n: log.header.get("sweep.load_n")?.parse().ok()?,
+            is_after: log.header.get("sweep.after_n").is_some(),
+            host_time: log.header.host_time()?,
+            board_s: [log.rows.first()?.t_s, log.rows.last()?.t_s],
+            emulated: log.header.get("port") == Some("sim"),
+        })
+    }
+
+    /// What the rods of this sweep remember, if one of the others was recorded before it under a load so much heavier that it
+    /// shows. An emulated rig begins with new rods each time.
+    fn remembers(&self, all: &[Self]) -> Option<String> {
+        let before = all.iter().filter(|other| {
+            let earlier = other.host_time < self.host_time;
+            earlier && (!self.emulated || other.board_s[1] < self.board_s[0])
+        });
+        let heavier = before.max_by(|a, b| a.load_n.total_cmp(&b.load_n))?;
+        let shows = memory_shape(self.load_n as f32, heavier.load_n as f32) > SHOWS && !self.is_after;
+        shows.then(|| {
+            format!(
+                "sweep {} ({}) was recorded after {} ({}), and the rods remember that load: record from the lightest load to \
+                 the heaviest, or this sweep with --after",
+                self.name,
+                N.show(self.load_n),
+                heavier.name,
+                N.show(heavier.load_n)
+            )
+        })
+    }
 }
 
 /// Checks that a string is not slack, which has no law.
@@ -286,5 +345,35 @@ mod tests {
             assert_eq!((data.rows.len(), named), (if good { 2 } else { 1 }, !good), "{sigma_m}: {:?}", data.bad);
         }
         std::fs::remove_file(&file).expect("a temporary file");
+    }
+
+    #[test]
+    fn sweeps_after_a_heavier_load_are_named() {
+        // Load (N), the heavier one that was named, when (s), when by the board (s).
+        let sweep = |(load_n, after_n, host_s, board_s): (f64, Option<f64>, u64, f64), port: &str| {
+            let time = humantime::format_rfc3339(SystemTime::UNIX_EPOCH + std::time::Duration::from_secs(host_s));
+            let after = after_n.map_or(String::new(), |after_n| format!("# sweep.after_n = {after_n}\n"));
+            let text = format!(
+                "# format = tsa-log 1\n# port = {port}\n# host_time = {time}\n# sweep.load_n = {load_n}\n{after}\
+                 t_s,state,position_m,twist_rad\n{board_s},ready,0,4\n{},ready,0,4\n",
+                board_s + 60.0
+            );
+            Recorded::new(&load_n.to_string(), &Log::parse(&text).expect("a log")).expect("all of it")
+        };
+        let named = |all: [(f64, Option<f64>, u64, f64); 2], port: &str| {
+            let all = all.map(|one| sweep(one, port));
+            all.iter().filter_map(|one| one.remembers(&all)).collect::<Vec<_>>()
+        };
+        for port in ["COM3", "sim"] {
+            let rising = [(3.0, None, 100, 10.0), (10.0, None, 200, 110.0)];
+            assert!(named(rising, port).is_empty());
+            let falling = [(10.0, None, 100, 10.0), (3.0, None, 200, 110.0)];
+            let text = named(falling, port).join("; ");
+            assert!(text.contains("sweep 3 (3.000 N)") && text.contains("after 10 (10.00 N)"), "{text}");
+            assert!(named([falling[0], (3.0, Some(10.0), 200, 110.0)], port).is_empty(), "it says so itself");
+            assert!(named([falling[0], (9.9, None, 200, 110.0)], port).is_empty(), "hardly heavier");
+            // Another start of the board: a real rig has the same rods, an emulated one has new ones.
+            assert_eq!(named([falling[0], (3.0, None, 200, 10.0)], port).is_empty(), port == "sim");
+        }
     }
 }

@@ -94,6 +94,7 @@ pub fn run(global: &Global, options: &Identify, output: &mut Output) -> Result<(
     let found = identify(&scene, &data, &candidates).map_err(|e| hinted(&e.to_string(), &hints))?;
     hints.iter().for_each(|hint| crate::output::say!("is a unit wrong? {}", hint.text));
     data.bad.iter().for_each(|bad| crate::output::say!("passed over: {bad}"));
+    data.remembering.iter().for_each(|text| crate::output::say!("{text}"));
     print::fit(&found.fit, &found.scene, UM, output)?;
     print::judged(&found, output)?;
     print::table(&scene, &found, output)?;
