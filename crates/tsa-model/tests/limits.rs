@@ -1,6 +1,7 @@
 //! The limits of the model (docs/explanation/model.md section 5): each limit named, and the nearest good case solved.
 
 use rig_config::Scene;
+use tsa_model::rod::TipForce;
 use tsa_model::{Material, Mechanism, RadiusLaw, SolveError, Warnings, twist_from_turns};
 
 fn scene(name: &str) -> Scene {
@@ -120,6 +121,19 @@ fn more_than_one_equilibrium() {
     let heavy = m.solve(10.0, 15.0).unwrap();
     assert!(heavy.warnings.contains(Warnings::NOT_UNIQUE), "{heavy:?}");
     assert!(!m.solve(1.0, 15.0).unwrap().warnings.contains(Warnings::NOT_UNIQUE));
+    // A law that is a straight line softens nowhere: the warning begins at π²/4 itself.
+    let [modulus, ..] = s.material.stress_coefficients_pa;
+    s.material = Material { stress_coefficients_pa: [modulus, 0.0, 0.0, 0.0, 0.0] };
+    let m = s.mechanism().unwrap();
+    let number = |load| m.rod().load_number(TipForce::of(&m.solve(load, 15.0).unwrap()));
+    let warned = |load| m.solve(load, 15.0).unwrap().warnings.contains(Warnings::NOT_UNIQUE);
+    let (mut without, mut with) = (1.0, 10.0);
+    while with - without > 1e-9 {
+        let middle = 0.5 * (without + with);
+        if warned(middle) { with = middle } else { without = middle }
+    }
+    let limit = std::f64::consts::PI.powi(2) / 4.0;
+    assert!(number(without) < limit && number(with) >= limit && number(with) - limit < 1e-6, "{}", number(with));
 }
 
 #[test]
