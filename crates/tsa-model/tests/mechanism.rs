@@ -3,7 +3,7 @@
 use rig_config::Scene;
 use tsa_model::rod::TipForce;
 use tsa_model::scalar::{Dual, Scalar};
-use tsa_model::{Geometry, Mechanism, PRETWIST_RAD, Parameters, Warnings, twist_from_turns};
+use tsa_model::{Geometry, Mechanism, PRETWIST_RAD, Parameters, SLACK_LOAD_N, SolveError, Warnings, twist_from_turns};
 
 fn scene(name: &str) -> Scene {
     let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes");
@@ -204,5 +204,27 @@ fn the_line_of_a_bent_rod_ends_where_the_equilibrium_has_its_tip() {
                 assert!((chord * 20.0 / length_m - 1.0).abs() < 0.01, "{name} {load} N {twist} rad: {chord} m");
             }
         }
+    }
+}
+
+/// ∂T/∂F = −∂G/∂θ; the quadrature has few nodes.
+#[test]
+fn the_torque_that_conserves_energy_grows_with_the_load_as_the_gap_falls_with_the_twist() {
+    for name in ["default", "niti-plateau", "paper-computed"] {
+        let m = scene(name).mechanism().unwrap();
+        for (load, twist) in [(0.8, 5.0), (5.0, -20.0), (15.0, 40.0)] {
+            let torque = |load: f64| m.conservative_torque_nm(load, twist).unwrap();
+            let (found, expected) =
+                (slope(torque, load, 1e-2 * load), -m.solve(load, twist).unwrap().dgap_dtwist_m_per_rad);
+            assert!((found / expected - 1.0).abs() < 0.03, "{name} {load} N {twist} rad: {found} {expected}");
+        }
+        // Of slack strings it is in proportion to the load, and meets that of tight ones without a step.
+        let torque = |load: f64| m.conservative_torque_nm(load, 10.0).unwrap();
+        for load in [0.05, 0.1, 0.2] {
+            let found = torque(load) / torque(SLACK_LOAD_N);
+            assert!((found - load / SLACK_LOAD_N).abs() < 1e-12, "{name} {load} N: {found}");
+        }
+        assert!((torque(SLACK_LOAD_N * (1.0 + 1e-9)) / torque(SLACK_LOAD_N) - 1.0).abs() < 1e-6);
+        assert!(matches!(m.conservative_torque_nm(0.04, 10.0), Err(SolveError::Slack { .. })));
     }
 }
