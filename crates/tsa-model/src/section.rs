@@ -168,6 +168,7 @@ impl<T: Scalar> Section<T> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Material;
     use crate::scalar::Dual;
 
     /// A law that is neither even nor odd.
@@ -185,6 +186,9 @@ mod tests {
             let (section, strain) = (SECTION.map(Dual::of), Strain { axial: e, bending_squared: b * b });
             let [n, m, w] = [section.axial_force(strain), section.moment(strain), section.energy(strain)];
             assert!(close(w.by[0], n.value) && close(w.by[1], m.value), "{w:?} {n:?} {m:?}");
+            // Of a rod that is only stretched, every fibre has the stress of eq. 12.
+            let stretched = SECTION.axial_force(Strain { axial: stretch, bending_squared: 0.0 });
+            assert!(close(Material { stress_coefficients_pa: SECTION.a }.stress_pa(stretch), stretched));
             let (e, b, tangent) = SECTION.invert(n.value, m.value, (0.0, 0.9 * bending)).unwrap();
             assert!(close(e, stretch) && close(b, bending), "{e} for {stretch}, {b} for {bending}");
             for (found, expected) in tangent.into_iter().zip(n.by.into_iter().chain(m.by)) {

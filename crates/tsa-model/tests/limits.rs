@@ -104,6 +104,9 @@ fn rods_without_free_length() {
     s.geometry.clamp_width_m = s.geometry.rod_span_m;
     let rigid = s.mechanism().unwrap().solve(5.0, 20.0).unwrap();
     assert_eq!((rigid.u_m, rigid.w_m, rigid.bending_strain, rigid.tip_angle_rad), (0.0, 0.0, 0.0, 0.0));
+    // Strings that only reach from one end of a rod to the other cannot hang.
+    let string_length_m = s.geometry.rod_span_m;
+    assert!(tsa_model::Geometry { string_length_m, ..s.geometry }.validate().is_err());
     // And the limit is reached without a step: the deflection falls with the cube of the free length.
     for free in [1e-3, 1e-4, 1e-5, 1e-8] {
         s.geometry.clamp_width_m = s.geometry.rod_span_m - free;

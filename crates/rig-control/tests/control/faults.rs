@@ -446,6 +446,17 @@ fn nothing_is_cleared_while_a_held_shaft_turns() {
     assert_eq!(bench.ask(Request::Clear), Ok(Accepted::Done));
     assert_eq!(bench.rig.state(), State::Ready);
     bench.move_to(0.006, 0.002);
+    // A drive that says that the motor stands is not enough: the own encoder turns by 60 rpm of it.
+    let counts_per_s = constants().counts_per_rad * TAU / constants().gear_ratio;
+    let from_us = bench.now_us;
+    bench.tamper = tamper(move |inputs| {
+        let turned_s = 1e-6 * (inputs.now_us - from_us) as f32;
+        inputs.encoder_counts += (turned_s * counts_per_s) as i64;
+        inputs.bus_off = turned_s < 0.015;
+    });
+    bench.run(25);
+    assert_eq!(bench.rig.fault(), Some(Fault::CanBusOff));
+    assert_eq!(bench.ask(Request::Clear), Err(Refusal::ShaftTurns));
 }
 
 #[test]
@@ -478,6 +489,7 @@ fn the_emergency_stop_takes_power_and_position_away() {
     assert_eq!((bench.command, bench.rig.state()), (DriveCommand::PowerOff, State::EStop));
     assert_eq!(bench.events, [EventKind::EStopOpened, EventKind::EStopClosed]);
     assert_eq!(bench.ask(Request::Clear), Ok(Accepted::Done));
+    assert_eq!((bench.command, bench.rig.state()), (DriveCommand::RestartOpenLoop, State::Boot), "it begins again");
     bench.while_in(State::Boot);
     assert_eq!(bench.rig.state(), State::Unhomed);
 }

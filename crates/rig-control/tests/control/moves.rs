@@ -440,6 +440,7 @@ fn a_move_goes_on_from_a_stream_and_other_motions_must_end_first() {
     bench.move_to(0.006, 0.004);
     // At 0.85 s it goes down by 2.8 mm/s.
     follow(&mut bench, 0.85);
+    assert_eq!(bench.shown().limit, None, "the load follows");
     let before_m = bench.shown().setpoint_m.unwrap();
     bench.begin(to(0.002, 0.004));
     near(bench.shown().setpoint_m.unwrap() - before_m, -2.8e-5, 0.6e-5);
