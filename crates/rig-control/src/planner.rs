@@ -285,3 +285,20 @@ impl Planner {
         self.set_point(before)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_difference_is_made_up_in_proportion_and_never_faster_than_half_of_the_limit_can_end_it() {
+        // At 10/s and a limit of 0.4/s² the two meet at 0.4/10² = 4 mm.
+        for difference in [1e-3f32, -2e-3, 3.99e-3, 4.01e-3, -0.02, 0.3] {
+            let (speed, slope) = made_up(difference, 10.0, 0.4);
+            let (small, large) = (10.0 * difference.abs(), libm::sqrtf(0.4 * difference.abs()));
+            assert!((speed - libm::copysignf(small.min(large), difference)).abs() < 1e-7, "{difference}: {speed}");
+            let [low, high] = [0.999, 1.001].map(|part| made_up(part * difference, 10.0, 0.4).0);
+            assert!((slope * 0.002 * difference / (high - low) - 1.0).abs() < 1e-2, "{difference}: {slope}");
+        }
+    }
+}

@@ -107,15 +107,17 @@ impl<T: Scalar> Mechanism<T> {
     /// proportional to the load.
     ///
     /// # Errors
-    /// As [`Mechanism::formal`], at any lighter load too.
+    /// As [`Mechanism::formal`], at any lighter load down to [`SLACK_LOAD_N`] too.
     pub fn conservative_torque_nm(&self, load_n: f64, twist_rad: f64) -> Result<f64, SolveError> {
+        State::new(load_n, twist_rad)?;
         let slope = |load_n: f64| Ok(load_n * self.formal(load_n, twist_rad)?.dgap_dtwist_m_per_rad.value());
+        let mut sum: f64 = slope(SLACK_LOAD_N)?;
         if load_n <= SLACK_LOAD_N {
-            return slope(load_n).map(|nm: f64| -nm);
+            // Not by the gap's own slope there, which grows as the load vanishes.
+            return Ok(-sum * load_n / SLACK_LOAD_N);
         }
         // In the logarithm of the load, as the radius has a term in 1/F; the rule has the positive half of its nodes.
         let half = 0.5 * ln(load_n / SLACK_LOAD_N);
-        let mut sum = slope(SLACK_LOAD_N)?;
         for (node, weight) in LEVELS[1].iter() {
             for at in [1.0 - node, 1.0 + node] {
                 sum += half * weight * slope(SLACK_LOAD_N * (1.0 + Scalar::exp_m1(half * at)))?;

@@ -164,3 +164,55 @@ impl<T: Scalar> Section<T> {
         b * self.moment(strain) + (strain.axial + 1.0) * self.axial_force(strain) - self.energy(strain)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Material;
+    use crate::scalar::Dual;
+
+    /// A law that is neither even nor odd.
+    const SECTION: Section = Section { a: [1.0, -2.0, -150.0, 300.0, 3e4] };
+
+    fn close(found: f64, expected: f64) -> bool {
+        (found - expected).abs() < 1e-12 * (1.0 + expected.abs())
+    }
+
+    /// As eqs 16 and 17 follow from it: ∂W/∂e is the force, ∂W/∂(κR) the moment.
+    #[test]
+    fn force_and_moment_are_the_derivatives_of_the_energy_and_lead_back_to_the_strain() {
+        for [stretch, bending] in [[0.0, 0.01], [0.004, 0.03], [-0.006, 0.05], [0.002, 0.08]] {
+            let (e, b) = (Dual::<2>::parameter(stretch, 0), Dual::parameter(bending, 1));
+            let (section, strain) = (SECTION.map(Dual::of), Strain { axial: e, bending_squared: b * b });
+            let [n, m, w] = [section.axial_force(strain), section.moment(strain), section.energy(strain)];
+            assert!(close(w.by[0], n.value) && close(w.by[1], m.value), "{w:?} {n:?} {m:?}");
+            // Of a rod that is only stretched, every fibre has the stress of eq. 12.
+            let stretched = SECTION.axial_force(Strain { axial: stretch, bending_squared: 0.0 });
+            assert!(close(Material { stress_coefficients_pa: SECTION.a }.stress_pa(stretch), stretched));
+            let (e, b, tangent) = SECTION.invert(n.value, m.value, (0.0, 0.9 * bending)).unwrap();
+            assert!(close(e, stretch) && close(b, bending), "{e} for {stretch}, {b} for {bending}");
+            for (found, expected) in tangent.into_iter().zip(n.by.into_iter().chain(m.by)) {
+                assert!((found - expected).abs() < 1e-9, "{found} {expected}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_softest_bending_is_the_least_from_none_up_to_that_of_the_clamp() {
+        // A plateau, one that the axis softens further, and a law that only softens.
+        for (a2, a5) in [(0.0, 4e5), (10.0, 4e5), (0.0, -1e4)] {
+            let section = Section { a: [1.0, a2, -1000.0, 0.0, a5] };
+            // The moment's slope along the bending while the force stays.
+            let stiffness = |y: f64| {
+                let (e, b) = (Dual::<2>::parameter(0.0, 0), Dual::parameter(y.sqrt(), 1));
+                let (section, strain) = (section.map(Dual::of), Strain { axial: e, bending_squared: b * b });
+                let [_, n_b] = section.axial_force(strain).by;
+                4.0 * (section.moment(strain).by[1] - n_b * n_b)
+            };
+            for y in [4e-4, 1.1e-3, 1.7e-3] {
+                let least = (1..=2000).map(|k| stiffness(y * f64::from(k) / 2000.0)).fold(1.0, f64::min);
+                assert!((section.softest(y) - least).abs() < 1e-6, "{} {least} up to {y}", section.softest(y));
+            }
+        }
+    }
+}

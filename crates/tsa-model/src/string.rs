@@ -77,3 +77,38 @@ impl StringParameters {
         require(good, "string.twist_exponent", self.twist_exponent.unwrap_or(f64::NAN), reason)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const STRING: StringParameters = StringParameters {
+        diameter_m: 0.0007,
+        stiffness_n_per_m: 2e4,
+        k1_per_n: 0.8,
+        k2: 0.4,
+        k3: 0.3,
+        k4: 0.1,
+        radius_law: RadiusLaw::LengthRatio,
+        twist_exponent: None,
+    };
+
+    #[test]
+    fn a_constant_that_is_negative_or_not_finite_is_refused_by_its_name() {
+        assert_eq!(STRING.validate(), Ok(()));
+        const NAMES: [&str; 6] =
+            ["string.diameter_m", "string.stiffness_n_per_m", "string.k1_per_n", "string.k2", "string.k3", "string.k4"];
+        for (k, name) in NAMES.into_iter().enumerate() {
+            let with = |value| {
+                let mut s = STRING;
+                let fields =
+                    [&mut s.diameter_m, &mut s.stiffness_n_per_m, &mut s.k1_per_n, &mut s.k2, &mut s.k3, &mut s.k4];
+                *fields[k] = value;
+                s.validate().map_err(|refused| refused.parameter)
+            };
+            assert!([-1.0, f64::INFINITY, f64::NAN].into_iter().all(|bad| with(bad) == Err(name)), "{name}");
+            // A string without thickness or stiffness is none; a law without one of its terms is a law.
+            assert_eq!(with(0.0), if k < 3 { Err(name) } else { Ok(()) });
+        }
+    }
+}

@@ -1,6 +1,7 @@
 //! The limits of the model (docs/explanation/model.md section 5): each limit named, and the nearest good case solved.
 
 use rig_config::Scene;
+use tsa_model::rod::TipForce;
 use tsa_model::{Material, Mechanism, RadiusLaw, SolveError, Warnings, twist_from_turns};
 
 fn scene(name: &str) -> Scene {
@@ -103,6 +104,9 @@ fn rods_without_free_length() {
     s.geometry.clamp_width_m = s.geometry.rod_span_m;
     let rigid = s.mechanism().unwrap().solve(5.0, 20.0).unwrap();
     assert_eq!((rigid.u_m, rigid.w_m, rigid.bending_strain, rigid.tip_angle_rad), (0.0, 0.0, 0.0, 0.0));
+    // Strings that only reach from one end of a rod to the other cannot hang.
+    let string_length_m = s.geometry.rod_span_m;
+    assert!(tsa_model::Geometry { string_length_m, ..s.geometry }.validate().is_err());
     // And the limit is reached without a step: the deflection falls with the cube of the free length.
     for free in [1e-3, 1e-4, 1e-5, 1e-8] {
         s.geometry.clamp_width_m = s.geometry.rod_span_m - free;
@@ -120,6 +124,19 @@ fn more_than_one_equilibrium() {
     let heavy = m.solve(10.0, 15.0).unwrap();
     assert!(heavy.warnings.contains(Warnings::NOT_UNIQUE), "{heavy:?}");
     assert!(!m.solve(1.0, 15.0).unwrap().warnings.contains(Warnings::NOT_UNIQUE));
+    // A law that is a straight line softens nowhere: the warning begins at π²/4 itself.
+    let [modulus, ..] = s.material.stress_coefficients_pa;
+    s.material = Material { stress_coefficients_pa: [modulus, 0.0, 0.0, 0.0, 0.0] };
+    let m = s.mechanism().unwrap();
+    let number = |load| m.rod().load_number(TipForce::of(&m.solve(load, 15.0).unwrap()));
+    let warned = |load| m.solve(load, 15.0).unwrap().warnings.contains(Warnings::NOT_UNIQUE);
+    let (mut without, mut with) = (1.0, 10.0);
+    while with - without > 1e-9 {
+        let middle = 0.5 * (without + with);
+        if warned(middle) { with = middle } else { without = middle }
+    }
+    let limit = std::f64::consts::PI.powi(2) / 4.0;
+    assert!(number(without) < limit && number(with) >= limit && number(with) - limit < 1e-6, "{}", number(with));
 }
 
 #[test]

@@ -1,8 +1,9 @@
 //! Derivatives, symmetry and limits of the mechanism.
 
 use rig_config::Scene;
+use tsa_model::rod::TipForce;
 use tsa_model::scalar::{Dual, Scalar};
-use tsa_model::{Geometry, Mechanism, PRETWIST_RAD, Parameters, Warnings, twist_from_turns};
+use tsa_model::{Geometry, Mechanism, PRETWIST_RAD, Parameters, SLACK_LOAD_N, SolveError, Warnings, twist_from_turns};
 
 fn scene(name: &str) -> Scene {
     let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes");
@@ -83,6 +84,11 @@ fn a_rigid_rod_and_a_stiff_string_are_the_textbook_actuator() {
         assert!((e.tr_rad_per_m() - length / (r * run)).abs() < 1e-6 * e.tr_rad_per_m());
         assert_eq!((e.u_m, e.w_m, e.bending_strain), (0.0, 0.0, 0.0));
     }
+    // L² = X² + (D + θ r)², so that at a given twist X changes with L by L/X.
+    let mut with = Parameters::<Dual<1>>::constant(m.parameters());
+    with.string_length_m = Dual::parameter(s.geometry.string_length_m, 0);
+    let e = Mechanism::of(with).solve(5.0, 20.0).unwrap();
+    assert!((e.gap_m.by[0] - s.geometry.string_length_m / e.gap_m.value).abs() < 1e-9, "{:?}", e.gap_m);
     // A very short free rod tends to the same limit.
     let nearly = Geometry { clamp_width_m: s.geometry.rod_span_m - 1e-6, ..s.geometry };
     let near = Mechanism::new(&nearly, &s.string, &s.material).unwrap().solve(5.0, 20.0).unwrap();
@@ -176,5 +182,49 @@ fn dual_numbers_give_the_derivatives_by_every_constant() {
                 }
             }
         }
+    }
+}
+
+/// The drawn line of a rod is integrated from the clamp by another way than the solver's.
+#[test]
+fn the_line_of_a_bent_rod_ends_where_the_equilibrium_has_its_tip() {
+    for name in ["default", "niti-plateau", "paper-printed"] {
+        let m = scene(name).mechanism().unwrap();
+        for (load, twist) in [(1.0, 10.0), (7.5, 30.0), (15.0, 45.0)] {
+            let e = m.solve(load, twist).unwrap();
+            let (length_m, mut points) = (m.rod().length_m, [[f64::NAN; 2]; 21]);
+            let tip = [length_m + e.u_m, e.w_m];
+            m.rod().path(TipForce::of(&e), tip, &mut points).unwrap();
+            assert_eq!(points[0], [0.0, 0.0]);
+            let [x, w] = points[20];
+            assert!((x - tip[0]).abs() + (w - tip[1]).abs() < 1e-9, "{name} {load} N {twist} rad: {x} {w}, {tip:?}");
+            // Bent but hardly stretched, point by point.
+            for pair in points.windows(2) {
+                let chord = (pair[1][0] - pair[0][0]).hypot(pair[1][1] - pair[0][1]);
+                assert!((chord * 20.0 / length_m - 1.0).abs() < 0.01, "{name} {load} N {twist} rad: {chord} m");
+            }
+        }
+    }
+}
+
+/// ∂T/∂F = −∂G/∂θ; the quadrature has few nodes.
+#[test]
+fn the_torque_that_conserves_energy_grows_with_the_load_as_the_gap_falls_with_the_twist() {
+    for name in ["default", "niti-plateau", "paper-computed"] {
+        let m = scene(name).mechanism().unwrap();
+        for (load, twist) in [(0.8, 5.0), (5.0, -20.0), (15.0, 40.0)] {
+            let torque = |load: f64| m.conservative_torque_nm(load, twist).unwrap();
+            let (found, expected) =
+                (slope(torque, load, 1e-2 * load), -m.solve(load, twist).unwrap().dgap_dtwist_m_per_rad);
+            assert!((found / expected - 1.0).abs() < 0.03, "{name} {load} N {twist} rad: {found} {expected}");
+        }
+        // Of slack strings it is in proportion to the load, and meets that of tight ones without a step.
+        let torque = |load: f64| m.conservative_torque_nm(load, 10.0).unwrap();
+        for load in [0.05, 0.1, 0.2] {
+            let found = torque(load) / torque(SLACK_LOAD_N);
+            assert!((found - load / SLACK_LOAD_N).abs() < 1e-12, "{name} {load} N: {found}");
+        }
+        assert!((torque(SLACK_LOAD_N * (1.0 + 1e-9)) / torque(SLACK_LOAD_N) - 1.0).abs() < 1e-6);
+        assert!(matches!(m.conservative_torque_nm(0.04, 10.0), Err(SolveError::Slack { .. })));
     }
 }

@@ -85,3 +85,19 @@ fn the_full_polynomial_rod() {
         assert!((bending - strain).abs() < 1.5e-4, "{v} N, {degrees}°: strain {bending}");
     }
 }
+
+/// The section at the clamp carries the force on the tip, and its moment about the clamp.
+#[test]
+fn the_clamp_balances_force_and_moment_of_the_tip() {
+    for law in [[2e10, 0.0, 0.0, 0.0, 0.0], [2e10; 5], [2.4e10, 0.0, -6e12, 0.0, 1e15]] {
+        let rod = Rod::new(0.013, 0.0005, &law);
+        for (inward_n, sideways_n) in [(0.0, 2.0), (1.5, 2.0), (5.0, 3.0)] {
+            let (response, ..) = rod.respond(TipForce { inward_n, sideways_n }).unwrap();
+            let force_n = rod.stiffness_n * rod.section.axial_force(response.clamp);
+            let moment_nm = rod.stiffness_n * rod.radius_m * rod.section.moment(response.clamp);
+            let expected_nm = sideways_n * response.reach.value + inward_n * response.deflection.value;
+            assert!((force_n + inward_n).abs() < 1e-8, "{law:?}: {force_n} N for {inward_n} N");
+            assert!((moment_nm / expected_nm - 1.0).abs() < 1e-9, "{law:?}: {moment_nm} N m for {expected_nm} N m");
+        }
+    }
+}

@@ -63,11 +63,12 @@ pub(crate) fn evaluate(series: &ArcSeries<'_>, load_n: f64, twist_rad: f64) -> [
     [square.sqrt(), 0.5 * by_arc / square.sqrt() * arc_by_twist]
 }
 
+/// Constants for the tests of this crate.
 #[cfg(test)]
-mod tests {
+pub(crate) mod example {
     use super::*;
 
-    const PARAMETERS: Parameters = Parameters {
+    pub(crate) const PARAMETERS: Parameters = Parameters {
         string_length_m: 0.1,
         rod_span_m: 0.02,
         clamp_width_m: 0.005,
@@ -83,6 +84,13 @@ mod tests {
         radius_law: RadiusLaw::LengthRatio,
         correction: None,
     };
+}
+
+#[cfg(test)]
+mod tests {
+    use super::example::PARAMETERS;
+    use super::*;
+
     const TWIST_RAD: [f64; 2] = [PI, 16.0 * PI];
 
     /// ρ/θ, the radius at an infinite load (m), and its maximum deviation from eq. 6.

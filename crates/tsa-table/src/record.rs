@@ -261,6 +261,27 @@ mod tests {
     }
 
     #[test]
+    fn a_gap_that_is_not_monotone_is_seen_where_an_end_of_an_interval_lies() {
+        // Of two intervals between 1 and 16 N, the lighter one is a quarter of the range.
+        let falling = [0.0, -1.0, 0.0, -0.06, -5e-4, 0.0085];
+        for (load_n, seen) in [(1.0, true), (4.75, true), (5.25, false), (8.5, false), (16.0, true)] {
+            let patches = [load_n - 0.1, load_n + 0.1, 17.0].map(|load_max_n| Patch { load_max_n, ..PATCHES[0] });
+            let coefficients = [COEFFICIENTS, falling, COEFFICIENTS].concat();
+            assert_eq!(is_monotone(&table(&patches, &coefficients), 2), !seen, "{load_n} N");
+        }
+        // Here the gap rises from 30 to 33 rad only, where ∂G²/∂a = −100 (a − 15 mm) (a − 16.5 mm) at an arc of 0.5 mm/rad.
+        let mut cubic = table(&PATCHES, &[0.0, -100.0 / 3.0, 0.0, -0.425, 0.0, -1.75e-3, 5e-5, 0.0085]);
+        (cubic.series.shape, cubic.series.growth.per_load_m_n) = (Shape::of(2, 4).unwrap(), 0.0);
+        for middle_rad in [29.0, 31.5, 34.5] {
+            cubic.metadata.twist_max_rad = 2.0 * middle_rad - cubic.metadata.twist_min_rad;
+            assert_eq!(is_monotone(&cubic, 2), middle_rad != 31.5, "{middle_rad} rad");
+        }
+        // Without the only term of the load the gap does not rise with it.
+        cubic.series.coefficients = &[0.0, -100.0 / 3.0, 0.0, -0.425, 0.0, -1.75e-3, 0.0, 0.0085];
+        assert!(!is_monotone(&cubic, 2));
+    }
+
+    #[test]
     fn a_table_that_is_too_large_is_not_taken() {
         let patches = [PATCHES[0]; MAX_PATCHES + 1];
         let coefficients = vec![0.0; 6 * patches.len()];

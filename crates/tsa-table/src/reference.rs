@@ -94,3 +94,28 @@ impl<'a> Reference<'a> {
         Ok(points)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::arc_growth::example::PARAMETERS;
+
+    #[test]
+    fn candidates_are_compared_evenly_from_edge_to_edge() {
+        // Rods that do not bend are solved in no time.
+        let mechanism = Mechanism::of(PARAMETERS);
+        let (load_n, twist_rad) = ([2.0, 16.0], [PRETWIST_RAD, 40.0]);
+        let points =
+            Reference { mechanism: &mechanism, tier: Tier::Rigid, load_n, twist_rad }.selection_grid().unwrap();
+        let even = |value: fn(&Exact) -> f64, [first, last]: [f64; 2]| {
+            let mut all: Vec<f64> = points.iter().map(value).collect();
+            all.sort_by(f64::total_cmp);
+            all.dedup_by(|a, b| (*a - *b).abs() < 1e-9);
+            let step = (last - first) / (all.len() - 1) as f64;
+            all.iter().enumerate().all(|(k, at)| (at - first - step * k as f64).abs() < 1e-9).then_some(all.len())
+        };
+        let twists = even(|p| p.twist_rad, twist_rad).expect("twists");
+        let loads = even(|p| p.load_n.ln(), load_n.map(f64::ln)).expect("logarithms of the load");
+        assert!(twists > 50 && loads > 30 && points.len() == twists * loads, "{twists} × {loads}: {}", points.len());
+    }
+}

@@ -3,7 +3,10 @@
 use crate::bench::{Bench, Tamper, to};
 use crate::fixture::{constants, table};
 use rig_control::{Controller, DriveCommand, DriveReading, Inputs, TICK_US};
-use rig_link::messages::{Accepted, Doubt, Doubts, EventKind, Fault, LoadChoice, Refusal, Request, Setting, State};
+use rig_link::messages::{
+    Accepted, Doubt, Doubts, EventKind, Fault, Limit, LoadChoice, Refusal, Request, Setting, State,
+};
+use std::f32::consts::TAU;
 use std::sync::Arc;
 
 fn tamper(change: impl Fn(&mut Inputs) + Send + Sync + 'static) -> Option<Tamper> {
@@ -112,6 +115,70 @@ fn own_encoder_and_drive_are_compared() {
     };
     assert_eq!(slower(0.0), Some(Fault::EncoderStuck));
     assert_eq!(slower(0.5), Some(Fault::EncoderDisagrees));
+}
+
+#[test]
+fn a_drives_report_is_compared_with_the_own_count_of_its_time() {
+    let counts_per_rpm = constants().counts_per_rad * TAU / constants().gear_ratio / 60.0;
+    let mut bench = Bench::homed();
+    bench.tamper = tamper(move |inputs| {
+        reports(inputs, |t_us, position_qc, speed_rpm| {
+            *t_us -= 30_000;
+            *position_qc -= (0.03 * counts_per_rpm * f32::from(*speed_rpm)) as i32;
+        });
+    });
+    bench.move_to(0.012, f32::INFINITY);
+}
+
+#[test]
+fn own_encoder_and_drive_are_matched_when_the_motor_stands_but_for_its_hunting() {
+    let counts_per_s_per_rpm = constants().counts_per_rad * TAU / constants().gear_ratio / 60.0;
+    for (rpm, stands) in [(-35.0, true), (55.0, false)] {
+        let mut bench = Bench::new(5.0, 0.01, 9.0);
+        bench.while_in(State::Boot);
+        bench.begin(Request::CheckDirection);
+        while bench.command != DriveCommand::Restart {
+            bench.tick(None);
+        }
+        let from_us = bench.now_us;
+        bench.tamper = tamper(move |inputs| {
+            let turned = (1e-6 * (inputs.now_us - from_us) as f32 * rpm * counts_per_s_per_rpm) as i32;
+            inputs.encoder_counts += i64::from(turned);
+            reports(inputs, |_, position_qc, _| *position_qc += turned);
+        });
+        bench.run(60);
+        assert_eq!(bench.rig.state() == State::Unhomed, stands, "{rpm} rpm: {:?}", bench.rig.state());
+    }
+}
+
+#[test]
+fn strings_outside_their_range_are_a_fault_and_after_a_clear_only_the_way_back_is_free() {
+    let mut bench = Bench::homed();
+    bench.begin(Request::Jog { twist_speed_rad_per_s: 4.0 });
+    while bench.shown().limit != Some(Limit::Travel) {
+        bench.tick(None);
+    }
+    bench.ask(Request::Stop).expect("it jogs");
+    bench.run(50);
+    // The drive has no strength against the hand that turns the strings to so far (rad) beyond their range.
+    bench.drive_lag_s = f32::INFINITY;
+    let turned = |bench: &mut Bench, beyond_rad: f32| {
+        let way_rad = table().metadata.twist_max_rad + beyond_rad - bench.twist_rad;
+        for _ in 0..20 {
+            bench.twist_rad += way_rad / 20.0;
+            bench.tick(None);
+        }
+        bench.run(30);
+        bench.rig.fault()
+    };
+    assert_eq!(turned(&mut bench, 0.25), None);
+    assert_eq!(turned(&mut bench, 0.4), Some(Fault::TwistRange));
+    assert_eq!(bench.ask(Request::Clear), Ok(Accepted::Done));
+    // Where it was cleared counts like the end of the range, until the strings have come back from there.
+    for beyond_rad in [0.65, 0.2, 0.45] {
+        assert_eq!(turned(&mut bench, beyond_rad), None, "{beyond_rad} rad beyond");
+    }
+    assert_eq!(turned(&mut bench, 0.55), Some(Fault::TwistRange));
 }
 
 #[test]
@@ -379,6 +446,17 @@ fn nothing_is_cleared_while_a_held_shaft_turns() {
     assert_eq!(bench.ask(Request::Clear), Ok(Accepted::Done));
     assert_eq!(bench.rig.state(), State::Ready);
     bench.move_to(0.006, 0.002);
+    // A drive that says that the motor stands is not enough: the own encoder turns by 60 rpm of it.
+    let counts_per_s = constants().counts_per_rad * TAU / constants().gear_ratio;
+    let from_us = bench.now_us;
+    bench.tamper = tamper(move |inputs| {
+        let turned_s = 1e-6 * (inputs.now_us - from_us) as f32;
+        inputs.encoder_counts += (turned_s * counts_per_s) as i64;
+        inputs.bus_off = turned_s < 0.015;
+    });
+    bench.run(25);
+    assert_eq!(bench.rig.fault(), Some(Fault::CanBusOff));
+    assert_eq!(bench.ask(Request::Clear), Err(Refusal::ShaftTurns));
 }
 
 #[test]
@@ -411,6 +489,7 @@ fn the_emergency_stop_takes_power_and_position_away() {
     assert_eq!((bench.command, bench.rig.state()), (DriveCommand::PowerOff, State::EStop));
     assert_eq!(bench.events, [EventKind::EStopOpened, EventKind::EStopClosed]);
     assert_eq!(bench.ask(Request::Clear), Ok(Accepted::Done));
+    assert_eq!((bench.command, bench.rig.state()), (DriveCommand::RestartOpenLoop, State::Boot), "it begins again");
     bench.while_in(State::Boot);
     assert_eq!(bench.rig.state(), State::Unhomed);
 }
