@@ -181,6 +181,13 @@ mod tests {
         ] {
             assert_eq!(MEASURED.at(load_n, twist_rad), Shift::default(), "{load_n} {twist_rad}");
         }
+        // It fades over all of that way.
+        let half = 0.5 * (high - low);
+        for (load_n, twist_rad) in
+            [(2.0 / beyond * 1.01, 20.0), (15.0 * beyond * 0.99, 20.0), (5.0, high + 0.99 * half), (5.0, 0.01 * low)]
+        {
+            assert_ne!(MEASURED.at(load_n, twist_rad).gap_m, 0.0, "{load_n} {twist_rad}");
+        }
         // On the way out it never is much more than at the edge.
         let max = MEASURED.coefficients_m.as_flattened().iter().map(|c| c.abs()).sum::<f64>();
         for k in 0..200 {
