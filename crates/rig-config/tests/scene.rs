@@ -170,13 +170,13 @@ fn uncertainty_reaches_the_table_and_linearity_the_control_code() {
     let text = default_text();
     let scene = Scene::from_toml_str(&text).unwrap();
     let constants = scene.constants();
-    assert_eq!(scene.table_spec().unwrap().uncertainty.numbers(), [0.03, 0.5e-3, 0.03, 0.22]);
+    assert_eq!(scene.table_spec().unwrap().uncertainty.numbers(), [0.03, 0.5e-3, 0.03, 0.12]);
     assert!((constants.lvdt_linearity_m - 1e-3).abs() < 1e-9, "half a percent of 200 mm");
     let text = text.replace("adc_reference_v = 3.3", "adc_reference_v = 3.3\nlvdt_linearity = 0.0025");
     let text = format!("{text}\n[uncertainty]\nradius = 0.01\ngap_zero_m = 0.0002\n");
     let scene = Scene::from_toml_str(&text).unwrap();
     let constants = scene.constants();
-    assert_eq!(scene.table_spec().unwrap().uncertainty.numbers(), [0.01, 2e-4, 0.03, 0.22]);
+    assert_eq!(scene.table_spec().unwrap().uncertainty.numbers(), [0.01, 2e-4, 0.03, 0.12]);
     assert!((constants.lvdt_linearity_m - 0.5e-3).abs() < 1e-9);
 }
 

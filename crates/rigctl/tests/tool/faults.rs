@@ -143,8 +143,8 @@ fn starts_without_drive_or_sensor_and_resets_wait_and_late_ones_do_not() {
             // Boot, then ten online checks without an echo; the same again after `clear`.
             (3.0, 1.0, "drive-start-up"),
             (8.5, 1.0, "drive-start-up"),
-            // The drive's start-up, then 2 s.
-            (28.5, 1.0, "lvdt-open"),
+            // The drive's start-up, then 3 s.
+            (29.5, 1.0, "lvdt-open"),
             (47.5, 0.1, "unexpected-reset"),
             (56.0, 0.5, "encoder-disagrees"),
             (64.5, 0.2, "lvdt-stalled"),
