@@ -7,7 +7,8 @@ const MEMORY_FALLS_N: f32 = 7.0;
 pub const MEMORY_COMPLETE_N: f32 = 4.0;
 /// Standard error of what the rods remember, as a fraction of it.
 pub const MEMORY_ERROR: f32 = 0.8;
-/// Iterations from an apparent load to the load: each leaves less than a fifth of the error before it.
+/// Iterations from an apparent load to the load: each leaves an eighth of the error before it with the default `rod_memory`, a half
+/// with the largest.
 const ITERATIONS: u8 = 4;
 
 /// How large the rods' memory is under a load (N) after a heavier one (N), over that of a light load after a much heavier

@@ -65,7 +65,7 @@ pub struct LoadObserver {
     covariance: [f32; 3],
     gap_noise_m: f32,
     shape_error: f32,
-    /// The load that this is.
+    /// What the rods remember.
     memory: RodMemory,
     /// Time since homing (s).
     age_s: f32,
