@@ -135,7 +135,7 @@ impl FrictionCompensation {
     fn plan(&mut self, load: &LoadState<'_>) {
         let (direction, observation) = (self.direction, &load.observation);
         let friction_n = observation.friction_n;
-        let end_n = observation.load_n + direction * friction_n;
+        let end_n = observation.mechanism_load_n + direction * friction_n;
         // At this twist, the gap that goes with the pull at the other end of the band.
         let end = load.mechanism.at(end_n, load.twist_rad);
         let band_m = 2.0 * friction_n * end.dgap_dload_m_per_n.max(observation.point.dgap_dload_m_per_n);

@@ -1,4 +1,5 @@
-//! Hysteresis of the rods: rods that have carried a heavier load make a load seem heavier than it is.
+//! Hysteresis of the rods: after a heavier load, a load seems heavier than it is. Creep of the strings acts the same way, and
+//! the same correction covers both.
 
 /// Rods that have carried a heavier load remember it: on the way down their stress is lower, which looks like 0.4, 1.3 and
 /// 1.0 N at 1, 5 and 10 N (crates/rig-plant/README.md). The load (N) over which the fraction of a light load falls.

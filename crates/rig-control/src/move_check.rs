@@ -35,8 +35,8 @@ impl MoveRequest {
 pub struct MoveStart<'a> {
     /// The table, with these strings' scale of the twist.
     pub mechanism: Mechanism<'a>,
-    /// Estimate of the load (N).
-    pub load_n: f32,
+    /// Load with which the table's mechanism is evaluated (N), as the observer shows it.
+    pub mechanism_load_n: f32,
     /// Coulomb friction of the rail (N).
     pub friction_n: f32,
     /// Twist (rad).
@@ -84,7 +84,7 @@ impl MoveStart<'_> {
         // From outside only a jog leads back: a planned move would jump to the end of the range.
         let (twist_min_rad, twist_max_rad) = (table.twist_min_rad - OUTSIDE_RAD, table.twist_max_rad + OUTSIDE_RAD);
         in_range(Parameter::Twist, self.twist_rad, twist_min_rad, twist_max_rad)?;
-        let load_n = check_load(request.load, table)?.unwrap_or(self.load_n);
+        let load_n = check_load(request.load, table)?.unwrap_or(self.mechanism_load_n);
         let speed_max_m_per_s = self.settings.get(Setting::SpeedMax);
         in_range(Parameter::Speed, request.speed_m_per_s, SPEED_MIN_M_PER_S, speed_max_m_per_s)?;
         let [lowest_m, highest_m] = self.travel_m(load_n);

@@ -91,8 +91,8 @@ pub struct LoadObserver {
 /// Result of one tick.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Observation {
-    /// Load for the mechanism (N): given, or the apparent one.
-    pub load_n: f32,
+    /// Load with which the table's mechanism is evaluated (N): given, or the apparent one.
+    pub mechanism_load_n: f32,
     /// Friction between load and pull (N).
     pub friction_n: f32,
     /// What the strings pull with (N).
@@ -249,7 +249,7 @@ impl LoadObserver {
             self.memory.heaviest_n = self.memory.heaviest_n.max(self.apparent_n);
         }
         let load_error_n = self.still_error_n(&point, twist_rad) + self.unsettled_n;
-        let (load_n, point) = match self.source {
+        let (mechanism_load_n, point) = match self.source {
             LoadChoice::Auto => (self.apparent_n, point),
             LoadChoice::Known(given_n) => {
                 let load_n = given_n.clamp(m.load_min_n, m.load_max_n);
@@ -257,7 +257,7 @@ impl LoadObserver {
             }
         };
         Observation {
-            load_n,
+            mechanism_load_n,
             friction_n: self.friction_n,
             pull_n,
             point,

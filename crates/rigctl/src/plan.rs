@@ -58,7 +58,7 @@ impl Plan {
         let (mechanism, position_m) = (self.mechanism(), 0.0 - self.values.get(Setting::PositionZero));
         MoveStart {
             mechanism,
-            load_n: self.load_n,
+            mechanism_load_n: self.load_n,
             friction_n: FRICTION_N,
             twist_rad: PI,
             position_m,

@@ -97,6 +97,26 @@ fn half_a_kilogram_more_or_less_is_known_in_a_second() {
 }
 
 #[test]
+fn a_load_seems_heavier_after_a_heavier_one_and_the_report_is_nearer_to_it() {
+    for (keys, seed) in [
+        (&[("rod_hysteresis", "60MPa"), ("string_creep", "0.1")] as Keys, 1),
+        (&[("rod_hysteresis", "120MPa"), ("string_creep", "0.3")], 2),
+    ] {
+        for light in ["0.1kg", "0.2kg", "0.3kg"] {
+            let mut d = homed(keys, "1.5kg", "0.05", seed);
+            let heaviest_n = d.truth().load_n as f32;
+            track(&mut d, 0.006);
+            d.rig.set_plant("load", light).unwrap();
+            d.run(10.0);
+            let memory = RodMemory { light: Uncertainty::default().rod_memory as f32, heaviest_n };
+            let (reported, true_n) = (load_error(&d), d.truth().load_n);
+            let apparent = f64::from(memory.apparent_n(load_n(&d) as f32)) / true_n - 1.0;
+            assert!(apparent > 0.02 && reported.abs() < apparent, "{keys:?} {light}: {apparent} {reported}");
+        }
+    }
+}
+
+#[test]
 fn nothing_swings_or_hunts_at_rest() {
     for (load, friction) in [("0.1kg", "0.1"), ("0.5kg", "0.05"), ("1.5kg", "0"), ("1.5kg", "0.1")] {
         let mut d = homed(&[], load, friction, 9);

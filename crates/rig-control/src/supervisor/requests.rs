@@ -101,7 +101,7 @@ impl Controller {
         let tracking = self.tracking.as_ref()?;
         Some(MoveStart {
             mechanism: tracking.mechanism(self.table.table()),
-            load_n: tracking.observer.apparent_n(),
+            mechanism_load_n: tracking.observer.apparent_n(),
             friction_n: tracking.homed.found.friction_n,
             twist_rad: tracking.twist_rad(self.shaft.position),
             position_m: tracking.position_m,
@@ -167,7 +167,7 @@ impl Controller {
         let request = MoveRequest { target_m: point.position_m, speed_m_per_s: max_m_per_s, load: LoadChoice::Auto };
         start.check(&request)?;
         let control = self.load_control(start.position_m);
-        let tr_rad_per_m = start.mechanism.at(start.load_n, start.twist_rad).tr_rad_per_m();
+        let tr_rad_per_m = start.mechanism.at(start.mechanism_load_n, start.twist_rad).tr_rad_per_m();
         let (here_m, reach_m) = (control.planner.set_point_m(), reach_m(tr_rad_per_m, &self.constants));
         in_range(Parameter::Target, point.position_m, here_m - reach_m, here_m + reach_m)?;
         Ok(control)

@@ -83,9 +83,9 @@ fn own_encoder_and_drive_are_compared() {
     assert_eq!(fault_of(apart(-1490)), None);
     assert_eq!(fault_of(apart(1510)), Some((8, Fault::EncoderJump)), "it goes on counting alike");
     assert_eq!(fault_of(apart(-4096)), Some((8, Fault::EncoderJump)));
-    // More than the maximum speed makes, and what the two may differ by.
+    // One and a half times what the maximum speed makes, and what the two may differ by.
     let constants = constants();
-    let max = (constants.twist_speed_max() * constants.counts_per_rad * 0.01 + 1500.0) as i64;
+    let max = (1.5 * constants.twist_speed_max() * constants.counts_per_rad * 0.01 + 1500.0) as i64;
     let start_us = holding().now_us;
     let jump = |counts| {
         move |inputs: &mut Inputs| {

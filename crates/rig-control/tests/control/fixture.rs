@@ -43,7 +43,7 @@ pub fn hanging(load_n: f32, friction_n: f32, twist_rad: f32) -> LoadState<'stati
     let point = mechanism.at(pull_n, twist_rad);
     let motion = LoadMotion::at_rest(&mechanism, point.gap_m, twist_rad, pull_n);
     let observation = Observation {
-        load_n,
+        mechanism_load_n: load_n,
         friction_n,
         pull_n,
         point,

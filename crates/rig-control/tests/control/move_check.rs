@@ -21,7 +21,7 @@ fn start(settings: &SettingValues) -> MoveStart<'_> {
     let hangs_m = -settings.get(Setting::PositionZero);
     MoveStart {
         mechanism: mechanism(),
-        load_n: LOAD_N,
+        mechanism_load_n: LOAD_N,
         friction_n: FRICTION_N,
         twist_rad: PI,
         position_m: hangs_m,

@@ -4,8 +4,7 @@ use crate::bench::{Bench, to};
 use crate::fixture::{constants, near, table};
 use rig_control::TICK_S;
 use rig_link::messages::{
-    Accepted, Doubt, Doubts, EventKind, Fault, Limit, LoadChoice, Parameter, Refusal, Request, Setting, State,
-    StreamEnd,
+    Accepted, Doubt, Doubts, EventKind, Fault, Limit, Parameter, Refusal, Request, Setting, State, StreamEnd,
 };
 use std::f32::consts::PI;
 use tsa_table::record::StoredTable;
@@ -357,41 +356,6 @@ fn strings_are_untwisted_only_a_little_below_the_half_turn() {
     bench.run(400);
     near(bench.twist_rad, PI - 0.15, 0.01);
     assert_eq!((bench.shown().limit, bench.rig.state()), (Some(Limit::Travel), State::Holding));
-}
-
-#[test]
-fn strings_whose_radius_drifts_are_learned_from_long_moves() {
-    for drifted in [1.004f32, 0.996] {
-        let mut bench = Bench::homed();
-        let before = bench.shown().twist_scale.unwrap();
-        bench.twist_scale = drifted;
-        for _ in 0..6 {
-            bench.move_to(0.014, 0.006);
-            bench.move_to(0.001, 0.006);
-        }
-        let learned = (bench.shown().twist_scale.unwrap() - before) / (drifted - 1.0);
-        assert!((0.2..1.3).contains(&learned), "{learned}");
-    }
-}
-
-#[test]
-fn nothing_is_learned_under_a_given_load_or_while_the_load_changes() {
-    let learned = |given: LoadChoice, change_n: f32| {
-        let mut bench = Bench::homed();
-        let before = bench.shown().twist_scale.unwrap();
-        bench.twist_scale = if change_n == 0.0 { 1.004 } else { 1.0 };
-        for target_m in [0.014, 0.001, 0.014, 0.001] {
-            let request = Request::Move { target_m, speed_m_per_s: 0.006, load: given };
-            bench.begin(request);
-            bench.run(150);
-            bench.load_n += if target_m > 0.01 { change_n } else { -change_n };
-            bench.while_in(State::Moving);
-        }
-        (bench.shown().twist_scale.unwrap() - before, bench.rig.fault())
-    };
-    assert_eq!(learned(LoadChoice::Known(5.0), 0.0), (0.0, None));
-    let (changing, fault) = learned(LoadChoice::Auto, 1.0);
-    assert!(changing.abs() < 5e-4 && fault.is_none(), "{changing} {fault:?}");
 }
 
 #[test]

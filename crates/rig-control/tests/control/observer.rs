@@ -55,7 +55,7 @@ fn a_pull_anywhere_in_the_friction_band_says_nothing_of_a_load_at_rest() {
     for pull_n in [LOAD_N - FRICTION_N, LOAD_N, LOAD_N + FRICTION_N] {
         let mut observer = observer();
         let seen = pulls(&mut observer, pull_n, 200);
-        near(seen.load_n, LOAD_N, 0.02);
+        near(seen.mechanism_load_n, LOAD_N, 0.02);
         near(seen.pull_n, pull_n, 0.005);
         assert!(!seen.changing && seen.confirmed && !seen.at_range_end && seen.moved_m == 0.0);
         assert_eq!(seen.friction_n, FRICTION_N);
@@ -77,13 +77,13 @@ fn a_pull_beyond_the_band_is_another_load_that_is_followed_in_the_time_constant(
         let mut left_n = 2.0;
         for k in 1..=40u8 {
             let seen = pulls(&mut observer, end_n, 1);
-            left_n = (seen.load_n - load_n).abs();
+            left_n = (seen.mechanism_load_n - load_n).abs();
             assert!(k < 10 || seen.load_error_n > left_n, "tick {k}: {} for {left_n}", seen.load_error_n);
         }
         assert!(left_n < 0.25 * (load_n - LOAD_N).abs(), "{left_n}");
         let seen = pulls(&mut observer, end_n, 170);
         // What is left is no more than noise and a fraction of the load may make.
-        near(seen.load_n, load_n, 0.3);
+        near(seen.mechanism_load_n, load_n, 0.3);
         assert!(!seen.changing && !seen.confirmed, "settled, but not what homing found");
     }
 }
@@ -144,7 +144,7 @@ fn the_pull_does_not_jump_when_the_load_turns_round() {
     assert!(turned.moved_m > 0.0);
     near(turned.pull_n, before.pull_n, 0.05);
     let after = observer.step(&mechanism(), TWIST_RAD, Some(&measured(gap_m(LOAD_N - FRICTION_N) - 30e-6)));
-    near(after.point.gap_m, gap_m(after.load_n + FRICTION_N), 1e-6);
+    near(after.point.gap_m, gap_m(after.mechanism_load_n + FRICTION_N), 1e-6);
 }
 
 #[test]
@@ -170,13 +170,13 @@ fn without_a_gap_the_estimate_stays_and_a_given_load_is_used_as_it_is() {
     pulls(&mut observer, LOAD_N - FRICTION_N, 50);
     let before_n = observer.load_n();
     let blind = observer.step(&mechanism(), TWIST_RAD, None);
-    assert_eq!((blind.load_n, blind.moved_m), (before_n, 0.0));
+    assert_eq!((blind.mechanism_load_n, blind.moved_m), (before_n, 0.0));
     observer.source = LoadChoice::Known(6.0);
     let given = observer.step(&mechanism(), TWIST_RAD, None);
-    assert_eq!(given.load_n, 6.0);
+    assert_eq!(given.mechanism_load_n, 6.0);
     assert_eq!(given.point, mechanism().at(6.0 - FRICTION_N, TWIST_RAD));
     observer.source = LoadChoice::Known(1e3);
-    assert_eq!(observer.step(&mechanism(), TWIST_RAD, None).load_n, table().metadata.load_max_n);
+    assert_eq!(observer.step(&mechanism(), TWIST_RAD, None).mechanism_load_n, table().metadata.load_max_n);
 }
 
 #[test]
@@ -201,8 +201,8 @@ fn another_load_may_look_like_a_drift_by_its_fraction_of_the_homed_one() {
     for change_n in [0.0f32, 2.0, -2.0] {
         let mut observer = observer();
         let seen = pulls(&mut observer, LOAD_N + change_n, 200);
-        assert!((seen.load_n - LOAD_N).abs() >= 0.9 * change_n.abs(), "{seen:?}");
-        near(observer.known_errors().change, 0.01 * (seen.load_n - LOAD_N).abs() / LOAD_N, 1e-6);
+        assert!((seen.mechanism_load_n - LOAD_N).abs() >= 0.9 * change_n.abs(), "{seen:?}");
+        near(observer.known_errors().change, 0.01 * (seen.mechanism_load_n - LOAD_N).abs() / LOAD_N, 1e-6);
     }
 }
 

@@ -17,6 +17,8 @@ const DISAGREE_S: f32 = 0.012;
 /// Fraction of the disagreement by which the two may grow apart further and still count alike, but for one jump; and of the
 /// other's way below which one has not moved.
 const ALIKE_FRACTION: i64 = 4;
+/// Counts in one tick that no motor makes: this many times what its maximum speed makes, and what the two may differ.
+const JUMP_FACTOR: f32 = 1.5;
 /// A drive position that is nearer to zero than the two may differ, after having been this far away (counts), has been reset.
 const RESET_FAR: i32 = 8000;
 /// Age (µs) past which a report of the supply says nothing.
@@ -90,8 +92,7 @@ impl DriveChecks {
         if lasts(&mut self.supply_ticks, supply_off, BRIEF_TICKS) {
             found.insert(Fault::Supply);
         }
-        // What no motor makes in a tick.
-        let max_counts = constants.twist_speed_max() * constants.counts_per_rad.abs() * tick_s;
+        let max_counts = JUMP_FACTOR * constants.twist_speed_max() * constants.counts_per_rad.abs() * tick_s;
         let encoder = if !closed_loop {
             None
         } else if moved_counts.abs() > whole_counts(max_counts) + DISAGREE_COUNTS {
