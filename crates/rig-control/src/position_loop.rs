@@ -10,7 +10,7 @@
 
 use crate::friction_compensation::FrictionCompensation;
 use crate::load_motion::AHEAD_S;
-use crate::load_state::LoadState;
+use crate::load_state::{self, LoadState};
 use crate::observer::TRAVEL_M;
 use crate::planner::SetPoint;
 use crate::rest::{Rest, Standing};
@@ -39,7 +39,8 @@ const STUCK_PER_S: f32 = 5.0;
 /// A load off its set-point that does not travel while the pull of its strings changes by so much is jammed: the sum of a least
 /// change (N), since a small friction is not known well, of a fraction of the load, and of a multiple of the friction. Turned
 /// further, the strings would let it spring when it comes loose, or fall slack. The load estimate goes along with the pull; so the
-/// change counts from what the load seemed to weigh when it last travelled or was at its set-point.
+/// change counts from what the load seemed to weigh when it last travelled or was at its set-point. While a weight is changed by
+/// hand, the load may stand beside a set-point that stands, with strings that turn for it.
 const MIN_JAMMED_N: f32 = 0.5;
 const JAMMED_FRACTION: f32 = 0.3;
 const JAMMED_FRICTIONS: f32 = 2.0;
@@ -60,6 +61,8 @@ pub struct PositionLoop {
     pub compensation: FrictionCompensation,
     /// What the load was taken for when it last moved (N); `None` before the first tick.
     moved_load_n: Option<f32>,
+    /// The load has been at its set-point since that last moved.
+    was_there: bool,
 }
 
 /// Result of one tick.
@@ -112,17 +115,20 @@ impl PositionLoop {
         let compensation_rad_per_s = self.compensation.step(set_point, setting_out, stuck_m, load);
         let speed_m_per_s = wanted_speed + jerk / frequency_squared + feedback;
         let twist_speed_rad_per_s = hung.tr_rad_per_m() * speed_m_per_s + compensation_rad_per_s;
-        let further = self.jammed(set_point.position_m, load) * twist_speed_rad_per_s > 0.0;
+        let further = self.jammed(set_point, load) * twist_speed_rad_per_s > 0.0;
         LoopOutput { twist_speed_rad_per_s: if further { 0.0 } else { twist_speed_rad_per_s }, rest_error_m }
     }
 
     /// By how much the strings pull a jammed load more than its weight (N); 0 for one that is not jammed.
-    fn jammed(&mut self, set_point_m: f32, load: &LoadState<'_>) -> f32 {
+    fn jammed(&mut self, set_point: &SetPoint, load: &LoadState<'_>) -> f32 {
         let observation = &load.observation;
         let weight_n = load.motion.weight_n;
-        // A load at its set-point is where it is wanted: its strings have turned for another weight.
-        let at_set_point = (set_point_m - load.position_m).abs() < TRAVEL_M;
-        let known = if at_set_point { 1.0 } else { (observation.moved_m / TRAVEL_M).min(1.0) };
+        // A load at its set-point is where it is wanted, and one that has left a set-point which stands is not jammed: its strings
+        // turn for another weight.
+        let at_set_point = (set_point.position_m - load.position_m).abs() < TRAVEL_M;
+        self.was_there = at_set_point || (self.was_there && set_point.done);
+        let known =
+            if self.was_there { 1.0 } else { (observation.moved_m / load_state::moved_m(load.gap_noise_m)).min(1.0) };
         let before_n = self.moved_load_n.unwrap_or(weight_n);
         let moved_load_n = before_n + known * (weight_n - before_n);
         self.moved_load_n = Some(moved_load_n);

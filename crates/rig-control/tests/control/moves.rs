@@ -465,6 +465,28 @@ fn strings_neither_pull_much_harder_nor_fall_slack_on_a_load_that_jams_under_way
     }
 }
 
+/// The weight changes by 2 N a second. Strings that took the load for jammed would leave it beside its place, and behind its
+/// set-point in the next move.
+#[test]
+fn a_load_whose_weight_is_changed_by_hand_comes_back_to_its_place_and_moves_on() {
+    for to_n in [14.0f32, 9.0, 2.0] {
+        let mut bench = Bench::homed();
+        bench.friction_n = 0.1;
+        bench.move_to(0.006, 0.004);
+        let before_m = bench.gap_m;
+        while bench.load_n != to_n {
+            bench.load_n += (to_n - bench.load_n).clamp(-0.02, 0.02);
+            bench.tick(None);
+        }
+        bench.run(150);
+        near(bench.gap_m, before_m, 60e-6);
+        bench.begin(to(0.004, 0.004));
+        bench.while_in(State::Moving);
+        assert_eq!(bench.rig.state(), State::Holding);
+        near(bench.gap_m, before_m + 0.002, 60e-6);
+    }
+}
+
 #[test]
 fn a_move_ends_where_the_strings_do_when_its_load_becomes_too_heavy_for_the_target() {
     let mut bench = Bench::homed();

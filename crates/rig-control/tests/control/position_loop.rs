@@ -4,7 +4,6 @@ use crate::fixture::hanging;
 use rig_control::TICK_S;
 use rig_control::load_motion::AHEAD_S;
 use rig_control::load_state::LoadState;
-use rig_control::observer::TRAVEL_M;
 use rig_control::planner::SetPoint;
 use rig_control::position_loop::{FULL_PER_S, GAINS, LoopOutput, PositionLoop, damping_fraction};
 use rig_control::ramp::Ramp;
@@ -138,9 +137,9 @@ fn strings_turn_no_further_against_a_jammed_load_but_back() {
     assert_eq!(control.step(&down, false, &jammed).twist_speed_rad_per_s, 0.0);
     // A load that travels with that weight is not jammed, one that quivers is.
     jammed.motion.weight_n = 3.6;
-    jammed.observation.moved_m = 1e-5;
+    jammed.observation.moved_m = 1e-6;
     assert_eq!(control.step(&down, false, &jammed).twist_speed_rad_per_s, 0.0);
-    jammed.observation.moved_m = TRAVEL_M;
+    jammed.observation.moved_m = jammed.moved_m();
     assert!(control.step(&down, false, &jammed).twist_speed_rad_per_s < 0.0);
     // Neither is one at its set-point.
     let mut lighter = load();
@@ -148,6 +147,27 @@ fn strings_turn_no_further_against_a_jammed_load_but_back() {
     lighter.observation.pull_n = 3.0;
     lighter.position_m = down.position_m;
     assert!(control.step(&down, false, &lighter).twist_speed_rad_per_s != 0.0);
+}
+
+#[test]
+fn a_load_that_has_left_a_standing_set_point_is_not_jammed_until_the_set_point_moves() {
+    let mut load = load();
+    let mut control = PositionLoop::default();
+    let stands = SetPoint::at(load.position_m);
+    control.step(&stands, false, &load);
+    // Another weight has pulled it down, and more and more is laid on while it stands there.
+    load.position_m -= 0.4e-3;
+    load.motion.gap_m += 0.4e-3;
+    for weight_n in [7.0, 9.0, 12.0, 14.0] {
+        (load.motion.weight_n, load.observation.pull_n) = (weight_n, weight_n);
+        assert!(control.step(&stands, false, &load).twist_speed_rad_per_s > 0.0, "{weight_n} N");
+    }
+    // From now on it may have jammed, also once the set-point stands again.
+    let moves = SetPoint { position_m: 1e-3, ..PASSING };
+    for (pull_n, set_point) in [(20.0, moves), (20.0, SetPoint::at(1e-3))] {
+        (load.motion.weight_n, load.observation.pull_n) = (pull_n, pull_n);
+        assert_eq!(control.step(&set_point, false, &load).twist_speed_rad_per_s, 0.0);
+    }
 }
 
 #[test]
