@@ -4,12 +4,13 @@ use crate::{root, scene};
 use rig_config::{DriveTransport, Scene};
 use rig_emulator::machine::{Config, Machine};
 use rig_link::messages::{
-    EventKind, HomingResult, Identity, Kept, Message, Refusal, Request, Sensors, SettingsReport, State, TablePart,
-    TableRefusal, Telemetry,
+    EventKind, HomingResult, Identity, Kept, LoadChoice, Message, Refusal, Request, Sensors, SettingsReport, State,
+    TablePart, TableRefusal, Telemetry,
 };
 use rig_link::{Accepted, Decoder, Versions, encode};
 use rig_plant::board::Stimulus;
 use rig_plant::rig::EmulatedRig;
+use rig_plant::trial::TrialBench;
 use std::process::Command;
 use tsa_table::Table;
 use tsa_table::record::RECORD_MAX;
@@ -119,6 +120,11 @@ impl Bench {
     /// The same on a chip of one's own.
     pub fn on(elf: &[u8], scene: &Scene, config: Config, keys: &[(&str, &str)], seed: u64) -> Self {
         let rig = EmulatedRig::new(scene, rig_plant::bench::settings(keys), seed).unwrap_or_else(|e| panic!("{e}"));
+        Self::wired(elf, rig, config)
+    }
+
+    /// The same with a rig of one's own.
+    pub fn wired(elf: &[u8], rig: EmulatedRig, config: Config) -> Self {
         let mut machine = Machine::new(elf, rig, config).unwrap_or_else(|e| panic!("{e}"));
         assert!(machine.watch_function("control_tick"), "the ELF has no control_tick");
         Self {
@@ -337,15 +343,59 @@ impl Bench {
     pub fn home_at_rest(&mut self, request: &Request, when: &str) -> f64 {
         let (start_s, truth) = (self.machine.now_s(), self.machine.board().truth());
         let what = format!("{when}, homed from {start_s:.2} s on, {truth:?}");
-        self.ask(request).unwrap_or_else(|e| panic!("{what}: {e}"));
-        assert!(self.until(60.0, |b| b.state() != State::Homing), "homing did not end {what}");
-        let now_s = self.machine.now_s();
-        assert_eq!(self.state(), State::Ready, "{what}, until {now_s:.2} s: {:?}", self.events.last());
-        now_s - start_s
+        self.play(request, 60.0, [State::Homing, State::Ready]).unwrap_or_else(|why| panic!("{what}: {why}"));
+        self.machine.now_s() - start_s
+    }
+
+    /// Sends a request and waits as long as it is under way.
+    ///
+    /// # Errors
+    /// In words, if it is refused or ends otherwise.
+    fn play(&mut self, request: &Request, limit_s: f64, [under_way, done]: [State; 2]) -> Result<(), String> {
+        self.ask(request).map_err(|refusal| format!("refused: {refusal}"))?;
+        self.until(0.5, |b| b.state() == under_way);
+        self.until(limit_s, |b| b.state() != under_way);
+        let (state, now_s) = (self.state(), self.machine.now_s());
+        (state == done).then_some(()).ok_or_else(|| format!("{state} at {now_s:.2} s, {:?}", self.events.last()))
     }
 
     /// True position since homing (m).
     pub fn true_position_m(&self) -> f64 {
         self.home_gap_m.map_or(f64::NAN, |gap| gap - self.machine.board().truth().gap_m)
+    }
+}
+
+impl TrialBench for Bench {
+    fn rig(&mut self) -> &mut EmulatedRig {
+        self.machine.board_mut()
+    }
+
+    fn true_position_m(&self) -> f64 {
+        self.true_position_m()
+    }
+
+    fn telemetry(&self) -> Option<Telemetry> {
+        self.last
+    }
+
+    fn run(&mut self, seconds: f64) {
+        self.run(seconds);
+    }
+
+    fn reply(&mut self, request: Request) -> Option<Result<Accepted, Refusal>> {
+        Some(self.ask(&request))
+    }
+
+    fn home(&mut self) -> Result<(), String> {
+        if self.versions.is_none() {
+            self.greet();
+        }
+        self.until(6.0, |b| b.state() != State::Boot);
+        self.play(&Request::HOME, 60.0, [State::Homing, State::Ready])
+    }
+
+    fn move_to(&mut self, target_m: f32, speed_m_per_s: f32) -> Result<(), String> {
+        let request = Request::Move { target_m, speed_m_per_s, load: LoadChoice::Auto };
+        self.play(&request, 120.0, [State::Moving, State::Holding])
     }
 }

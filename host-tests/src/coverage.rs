@@ -10,7 +10,7 @@ use rig_plant::units::STANDARD_GRAVITY;
 use std::collections::BTreeMap;
 
 /// Kinds of rigs.
-const KINDS: [RigPreset; 2] = [RigPreset::Nominal, RigPreset::Hard];
+pub const KINDS: [RigPreset; 2] = [RigPreset::Nominal, RigPreset::Hard];
 /// Classes of loads, and the load (kg) that each ends at.
 const CLASSES: [(&str, f64); 3] = [("light", 0.3), ("middle", 0.9), ("heavy", f64::INFINITY)];
 /// How many rigs of each kind as built, and how many of the first of these also calibrated.
@@ -18,7 +18,7 @@ const AS_BUILT: u64 = 5000;
 const CALIBRATED: usize = 100;
 
 /// Seed of the first rig. The homing's standard errors were chosen on seeds below.
-const FIRST_SEED: u64 = 10_001;
+pub const FIRST_SEED: u64 = 10_001;
 
 /// How often an interval held, and how wide it was.
 #[derive(Clone, Debug, Default)]

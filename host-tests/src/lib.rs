@@ -1,6 +1,7 @@
 //! Tests across crates, and the studies on the emulated rig: with the control code alone ([`rig_plant::bench`]) or with the
 //! firmware's ELF on the emulated board ([`board`]). A study makes a [`study::Study`]; [`results`] keeps it and writes the pages.
 
+pub mod agreement;
 pub mod board;
 pub mod compare;
 pub mod coverage;

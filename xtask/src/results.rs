@@ -4,7 +4,7 @@
 //! only what it needs built or measured by other tasks.
 
 use crate::process::{cargo, run};
-use crate::{Folders, bench, browser, firmware, host, image, python, toolchain};
+use crate::{Folders, bench, browser, firmware, host, image, toolchain};
 use anyhow::{Context, Result, ensure};
 use serde::Deserialize;
 use std::fs::{self, File};
@@ -36,7 +36,6 @@ pub fn results(folders: &Folders, only: &[String]) -> Result<()> {
             "bench" => bench::bench(folders)?,
             "loop" => host::closed_loop(folders)?,
             "report" => page(folders)?,
-            "agreement" => agreement(folders)?,
             _ => {}
         }
         study(folders, &["record".into(), name.clone()])?;
@@ -59,13 +58,6 @@ fn sizes(folders: &Folders) -> Result<()> {
         rows += &format!("{}\n", serde_json::json!({"image": name, "flash_kib": flash, "ram_kib": ram}));
     }
     fs::write(folders.root.join("out/image.json"), rows).context("out/image.json")
-}
-
-/// The Python package's `Bench` beside the emulated board: `out/agreement.json`.
-fn agreement(folders: &Folders) -> Result<()> {
-    let python = python::with(folders, &["./crates/tsa-python"])?;
-    let found = File::create(folders.root.join("out/agreement.json"))?;
-    run(python(&folders.root).arg("host-tests/peers/agreement.py").stdout(found))
 }
 
 /// The copy of the page of `tsa-lab report` in `docs`, and its times in a browser: `out/page.json`.

@@ -10,7 +10,8 @@ use crate::rig::EmulatedRig;
 use crate::units::STANDARD_GRAVITY;
 use crate::{PlantKey, PlantSettings, RigPreset};
 use rig_control::Controller;
-use rig_link::messages::{LoadChoice, Parameter, Refusal, Request, State};
+use rig_link::Accepted;
+use rig_link::messages::{LoadChoice, Parameter, Refusal, Request, State, Telemetry};
 use serde::Serialize;
 
 /// Loads (kg), evenly in their logarithm; most of the default scene's range.
@@ -80,6 +81,66 @@ impl Stated {
     }
 }
 
+/// What a trial is made on: the control code alone, or the firmware on an emulated board.
+pub trait TrialBench {
+    /// The plant.
+    fn rig(&mut self) -> &mut EmulatedRig;
+
+    /// True position since homing (m).
+    fn true_position_m(&self) -> f64;
+
+    /// Newest telemetry.
+    fn telemetry(&self) -> Option<Telemetry>;
+
+    /// For the given time (s).
+    fn run(&mut self, seconds: f64);
+
+    /// Sends a request; the reply, if there is one.
+    fn reply(&mut self, request: Request) -> Option<Result<Accepted, Refusal>>;
+
+    /// Waits for the drive after its start, and homes.
+    ///
+    /// # Errors
+    /// In words.
+    fn home(&mut self) -> Result<(), String>;
+
+    /// Moves to a target (m) at a speed (m/s) and waits until the load stands.
+    ///
+    /// # Errors
+    /// In words.
+    fn move_to(&mut self, target_m: f32, speed_m_per_s: f32) -> Result<(), String>;
+}
+
+impl TrialBench for ControlBench {
+    fn rig(&mut self) -> &mut EmulatedRig {
+        &mut self.rig
+    }
+
+    fn true_position_m(&self) -> f64 {
+        self.true_position_m()
+    }
+
+    fn telemetry(&self) -> Option<Telemetry> {
+        self.telemetry()
+    }
+
+    fn run(&mut self, seconds: f64) {
+        self.run(seconds);
+    }
+
+    fn reply(&mut self, request: Request) -> Option<Result<Accepted, Refusal>> {
+        self.tick(Some(request)).reply
+    }
+
+    fn home(&mut self) -> Result<(), String> {
+        self.home().map(drop)
+    }
+
+    fn move_to(&mut self, target_m: f32, speed_m_per_s: f32) -> Result<(), String> {
+        self.move_to(target_m, speed_m_per_s, LoadChoice::Auto).map(drop)
+    }
+}
+
 /// A rig and what is done with it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Trial {
@@ -113,43 +174,57 @@ impl Trial {
         }
     }
 
+    /// The rig, as switched on.
+    ///
+    /// # Errors
+    /// In words, where its strings or its load are out of what the plant can show.
+    pub fn rig(&self) -> Result<EmulatedRig, String> {
+        let mut settings = PlantSettings::preset(self.kind, self.seed);
+        (settings.load_n, settings.twist_at_boot_rad) = (self.worked_n.unwrap_or(self.loads_n[0]), self.twist_rad);
+        EmulatedRig::new(scene(), settings, self.seed).map_err(|e| e.to_string())
+    }
+
     /// Tries the rig with control code that has just booted. Moments that it does not get to are missing; why is the second part,
     /// empty if nothing was in the way.
     pub fn run(&self, control: Controller) -> (Vec<Stated>, String) {
+        match self.rig() {
+            Ok(rig) => self.run_on(&mut ControlBench::on(rig, control)),
+            Err(why) => (Vec::new(), why),
+        }
+    }
+
+    /// The same on a bench that has just been switched on with this trial's rig.
+    pub fn run_on(&self, bench: &mut impl TrialBench) -> (Vec<Stated>, String) {
         let mut stated = Vec::new();
-        let why = self.stated(control, &mut stated).err().unwrap_or_default();
+        let why = self.stated(bench, &mut stated).err().unwrap_or_default();
         (stated, why)
     }
 
-    fn stated(&self, control: Controller, stated: &mut Vec<Stated>) -> Result<(), String> {
-        let mut settings = PlantSettings::preset(self.kind, self.seed);
-        (settings.load_n, settings.twist_at_boot_rad) = (self.worked_n.unwrap_or(self.loads_n[0]), self.twist_rad);
-        let rig = EmulatedRig::new(scene(), settings, self.seed).map_err(|e| e.to_string())?;
-        let mut bench = ControlBench::on(rig, control);
+    fn stated(&self, bench: &mut impl TrialBench, stated: &mut Vec<Stated>) -> Result<(), String> {
         if self.worked_n.is_some() {
-            home(&mut bench)?;
+            home(bench)?;
             for target_m in MOVES_M {
-                go(&mut bench, target_m)?;
+                go(bench, target_m)?;
             }
-            hang(&mut bench, self.loads_n[0])?;
+            hang(bench, self.loads_n[0])?;
         }
-        home(&mut bench)?;
-        look(&bench, Moment::Homed, stated);
-        go(&mut bench, self.place_m as f32)?;
+        home(bench)?;
+        look(bench, Moment::Homed, stated);
+        go(bench, self.place_m as f32)?;
         bench.run(REST_S);
-        look(&bench, Moment::Arrived, stated);
-        hang(&mut bench, self.loads_n[1])?;
-        look(&bench, Moment::Changed, stated);
+        look(bench, Moment::Arrived, stated);
+        hang(bench, self.loads_n[1])?;
+        look(bench, Moment::Changed, stated);
         for target_m in MOVES_M {
-            go(&mut bench, target_m)?;
+            go(bench, target_m)?;
         }
         bench.run(REST_S);
-        look(&bench, Moment::Moved, stated);
+        look(bench, Moment::Moved, stated);
         Ok(())
     }
 }
 
-fn home(bench: &mut ControlBench) -> Result<(), String> {
+fn home(bench: &mut impl TrialBench) -> Result<(), String> {
     bench.home().map_err(|why| format!("homing: {why}"))?;
     // The tick that ends homing shows no load yet.
     bench.run(0.05);
@@ -157,37 +232,37 @@ fn home(bench: &mut ControlBench) -> Result<(), String> {
 }
 
 /// Moves to a target (m), or as near to it as the strings can bring this load.
-fn go(bench: &mut ControlBench, target_m: f32) -> Result<(), String> {
+fn go(bench: &mut impl TrialBench, target_m: f32) -> Result<(), String> {
     let asked = Request::Move { target_m, speed_m_per_s: SPEED_M_PER_S, load: LoadChoice::Auto };
-    let target_m = match bench.tick(Some(asked)).reply {
+    let target_m = match bench.reply(asked) {
         Some(Err(Refusal::OutOfRange { parameter: Parameter::Target, min, max, .. })) => {
             target_m.max(min + FROM_END_M).min(max - FROM_END_M)
         }
         _ => target_m,
     };
-    let moved = bench.move_to(target_m, SPEED_M_PER_S, LoadChoice::Auto);
-    moved.map(drop).map_err(|why| format!("move to {:.1} mm: {why}", 1e3 * target_m))
+    bench.move_to(target_m, SPEED_M_PER_S).map_err(|why| format!("move to {:.1} mm: {why}", 1e3 * target_m))
 }
 
 /// Hangs another load on (N). What springs up or drops may be a fault, which is cleared.
-fn hang(bench: &mut ControlBench, load_n: f64) -> Result<(), String> {
-    bench.rig.set_plant(PlantKey::Load.name(), &load_n.to_string()).map_err(|e| e.to_string())?;
+fn hang(bench: &mut impl TrialBench, load_n: f64) -> Result<(), String> {
+    bench.rig().set_plant(PlantKey::Load.name(), &load_n.to_string()).map_err(|e| e.to_string())?;
     bench.run(CHANGED_S);
     for _ in 0..CLEARS {
-        if bench.control.state() != State::Fault {
+        if bench.telemetry().is_some_and(|t| t.state != State::Fault) {
             return Ok(());
         }
-        bench.tick(Some(Request::Clear));
+        bench.reply(Request::Clear);
         bench.run(0.2);
     }
-    Err(format!("another load: {} is not cleared", bench.control.faults()))
+    let faults = bench.telemetry().map(|t| t.faults.to_string()).unwrap_or_default();
+    Err(format!("another load: {faults} is not cleared"))
 }
 
-fn look(bench: &ControlBench, moment: Moment, stated: &mut Vec<Stated>) {
+fn look(bench: &mut impl TrialBench, moment: Moment, stated: &mut Vec<Stated>) {
     let Some(telemetry) = bench.telemetry() else { return };
     stated.push(Stated {
         moment,
-        true_load_n: bench.truth().load_n,
+        true_load_n: bench.rig().truth().load_n,
         load_n: telemetry.load_n,
         load_error_n: telemetry.load_error_n,
         doubts: telemetry.doubts.iter().map(|doubt| doubt.name()).collect::<Vec<_>>().join(" "),

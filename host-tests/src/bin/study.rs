@@ -6,7 +6,7 @@ use anyhow::{Context, Result, bail};
 use clap::{Parser, Subcommand};
 use host_tests::results::{List, Section};
 use host_tests::study::{Rigs, Study};
-use host_tests::{compare, coverage, endurance, following, limit, loop_gain, margins, rigs, slow, speed};
+use host_tests::{agreement, compare, coverage, endurance, following, limit, loop_gain, margins, rigs, slow, speed};
 
 #[derive(Parser)]
 #[command(version)]
@@ -43,6 +43,8 @@ enum Task {
     Rigs(rigs::Arguments),
     /// How often the stated errors of load and position hold the truth
     Coverage(Rigs),
+    /// How the control code on the fast bench agrees with the firmware on the emulated board
+    Agreement(Rigs),
     /// Long runs on the emulated board
     Endurance(endurance::Arguments),
 }
@@ -73,6 +75,7 @@ fn measured(task: &Task) -> Result<Study> {
         Task::Compare(arguments) => compare::study(arguments),
         Task::Rigs(arguments) => rigs::measured(arguments),
         Task::Coverage(rigs) => Ok(coverage::study(rigs)),
+        Task::Agreement(rigs) => Ok(agreement::study(rigs)),
         Task::Endurance(arguments) => Ok(endurance::study(arguments)),
     }
 }
