@@ -14,7 +14,7 @@ const PLANTS: u64 = 50;
 /// By how much the homing is later (s), as late as the firmware hears of it by its host link.
 const LATER_S: f64 = 0.03;
 /// Who tries a plant.
-const WHO: [&str; 3] = ["fast bench", "fast bench, later", "emulated board"];
+const WHO: [&str; 3] = ["fast bench", "fast bench later", "emulated board"];
 
 /// What one of them states at each moment, and why it ended early; empty if it did not.
 type Tried = (Vec<Stated>, String);
@@ -48,13 +48,15 @@ pub fn study(rigs: &Rigs) -> Study {
     table(&items.into_iter().zip(all).collect::<Vec<_>>())
 }
 
-/// What is compared: its name, unit, digits after the point, and how a statement shows it.
-type Compared = (&'static str, &'static str, usize, fn(&Stated) -> Option<f64>);
+/// What is compared: its name, the name of the value that is kept, unit, digits after the point, and how a statement shows it.
+type Compared = (&'static str, &'static str, &'static str, usize, fn(&Stated) -> Option<f64>);
 
 const COMPARED: [Compared; 3] = [
-    ("load", "% of it", 2, |s| s.load_n.map(|load_n| 100.0 * f64::from(load_n) / s.true_load_n)),
-    ("stated error of the load", "% of it", 2, |s| s.load_error_n.map(|n| 100.0 * f64::from(n) / s.true_load_n)),
-    ("true position", "µm", 0, |s| Some(1e6 * s.true_position_m)),
+    ("load", "load_p95_percent", "% of it", 2, |s| s.load_n.map(|load_n| 100.0 * f64::from(load_n) / s.true_load_n)),
+    ("stated error of the load", "stated_p95_percent", "% of the load", 2, |s| {
+        s.load_error_n.map(|error_n| 100.0 * f64::from(error_n) / s.true_load_n)
+    }),
+    ("true position", "position_p95_um", "µm", 0, |s| Some(1e6 * s.true_position_m)),
 ];
 
 fn table(all: &[((RigPreset, u64), [Tried; 3])]) -> Study {
@@ -72,7 +74,7 @@ fn table(all: &[((RigPreset, u64), [Tried; 3])]) -> Study {
     ];
     for kind in KINDS {
         let of: Vec<_> = all.iter().filter(|((of, _), _)| *of == kind).map(|(_, tried)| tried).collect();
-        for (name, unit, digits, of_stated) in COMPARED {
+        for (name, kept, unit, digits, of_stated) in COMPARED {
             let apart = |k: usize| {
                 let pairs = of.iter().flat_map(|tried| tried[0].0.iter().zip(&tried[k].0));
                 Sorted::new(pairs.filter_map(|(a, b)| Some((of_stated(a)? - of_stated(b)?).abs())))
@@ -82,8 +84,7 @@ fn table(all: &[((RigPreset, u64), [Tried; 3])]) -> Study {
                 format!("{} {unit}", of.map(|value| shown(value, digits)).join("; "))
             };
             let (board, later) = (apart(2), apart(1));
-            let key = format!("{kind}_{}_p95", name.replace(' ', "_"));
-            study.value(key, board.quantile(0.95));
+            study.value(format!("{kind}_{kept}"), board.quantile(0.95));
             study.row([kind.to_string(), name.to_owned(), board.count().to_string(), cell(&board), cell(&later)]);
         }
         let held = |k: usize, holds: fn(&Stated) -> Option<bool>| {
@@ -98,7 +99,8 @@ fn table(all: &[((RigPreset, u64), [Tried; 3])]) -> Study {
                 .enumerate()
                 .map(|(k, who)| {
                     let (held, n) = held(k, holds);
-                    study.value(format!("{kind}_{what}_held_{k}"), held as f64 / n as f64);
+                    let name = format!("{kind}_{what}_held_{}", who.replace(' ', "_"));
+                    study.value(name, Some(held as f64 / n as f64).filter(|x| x.is_finite()));
                     format!("{held} of {n} ({who})")
                 })
                 .collect();
@@ -148,10 +150,10 @@ mod tests {
         let study = table(&[((RigPreset::Hard, 7), tried)]);
         let row = study.table.iter().find(|row| row[0] == "hard" && row[1] == "load").expect("a row");
         assert_eq!(row[2..], ["1", "6.00; 6.00; 6.00 % of it", "0.00; 1.00; 1.00 % of it"]);
-        assert!((study.values["hard_true_position_p95"] - 2.0).abs() < 1e-9);
+        assert!((study.values["hard_position_p95_um"] - 2.0).abs() < 1e-9);
         let held =
             study.notes.iter().find(|note| note.contains("hard plants") && note.contains("the load")).expect("a note");
-        assert!(held.contains("2 of 2 (fast bench), 2 of 2 (fast bench, later), 0 of 1 (emulated board)"), "{held}");
+        assert!(held.contains("2 of 2 (fast bench), 2 of 2 (fast bench later), 0 of 1 (emulated board)"), "{held}");
         let ended = study.notes.last().expect("a note");
         assert_eq!(ended, "Ended early: hard plant, seed 7. emulated board: move to 4.0 mm: refused.");
     }
