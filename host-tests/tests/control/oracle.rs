@@ -1,5 +1,5 @@
-//! Random scenarios with an oracle: what the board believes holds within twice its stated error unless it says that it doubts, and
-//! nothing turns by the motor's torque while a fault is latched. `TSA_SCENARIOS=FIRST+COUNT` tries others, and `TSA_DONE=1` prints what
+//! Random scenarios with an oracle: what the board believes holds within twice its stated error unless it says that it doubts,
+//! nothing turns by the motor's torque while a fault is latched, and no fault is raised without a cause. `TSA_SCENARIOS=FIRST+COUNT` tries others, and `TSA_DONE=1` prints what
 //! was done.
 
 use super::go;
@@ -78,13 +78,16 @@ impl Scenario {
                 self.told.push(format!("{now_s:.1} s: {what} {:?} for {is:.5} in {}", wrong, telemetry.state));
             }
         }
-        self.look_at_fault(now_s, truth.driven_rad);
+        self.look_at_fault(now_s, truth.driven_rad, quiet);
     }
 
-    fn look_at_fault(&mut self, now_s: f64, driven_rad: f64) {
+    fn look_at_fault(&mut self, now_s: f64, driven_rad: f64, quiet: bool) {
         if self.bench.control.state() != State::Fault {
             self.fault = None;
             return;
+        }
+        if self.fault.is_none() && quiet && !self.has_slipped {
+            self.told.push(format!("{now_s:.1} s: {:?} without a cause", self.bench.control.fault()));
         }
         let (since_s, from_rad) = *self.fault.get_or_insert((now_s, None));
         match from_rad {
@@ -134,6 +137,7 @@ impl Scenario {
             }
             6 => {
                 let (fault, lasts_s) = FAULTS[random.random_range(0..FAULTS.len())];
+                self.disturbed_s = self.bench.time_s();
                 self.bench.rig.set_fault(fault, true);
                 self.run(lasts_s.max(0.05));
                 if lasts_s > 0.0 {
