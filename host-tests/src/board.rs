@@ -353,6 +353,7 @@ impl Bench {
     /// In words, if it is refused or ends otherwise.
     fn play(&mut self, request: &Request, limit_s: f64, [under_way, done]: [State; 2]) -> Result<(), String> {
         self.ask(request).map_err(|refusal| format!("refused: {refusal}"))?;
+        // The telemetry may still show the state before the request.
         self.until(0.5, |b| b.state() == under_way);
         self.until(limit_s, |b| b.state() != under_way);
         let (state, now_s) = (self.state(), self.machine.now_s());

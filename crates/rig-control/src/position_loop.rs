@@ -10,7 +10,7 @@
 
 use crate::friction_compensation::FrictionCompensation;
 use crate::load_motion::AHEAD_S;
-use crate::load_state::{self, LoadState};
+use crate::load_state::LoadState;
 use crate::observer::TRAVEL_M;
 use crate::planner::SetPoint;
 use crate::rest::{Rest, Standing};
@@ -61,7 +61,7 @@ pub struct PositionLoop {
     pub compensation: FrictionCompensation,
     /// What the load was taken for when it last moved (N); `None` before the first tick.
     moved_load_n: Option<f32>,
-    /// The load has been at its set-point since that last moved.
+    /// The load has been at its set-point, which has not moved away from it since.
     was_there: bool,
 }
 
@@ -127,8 +127,7 @@ impl PositionLoop {
         // turn for another weight.
         let at_set_point = (set_point.position_m - load.position_m).abs() < TRAVEL_M;
         self.was_there = at_set_point || (self.was_there && set_point.done);
-        let known =
-            if self.was_there { 1.0 } else { (observation.moved_m / load_state::moved_m(load.gap_noise_m)).min(1.0) };
+        let known = if self.was_there { 1.0 } else { (observation.moved_m / load.moved_m()).min(1.0) };
         let before_n = self.moved_load_n.unwrap_or(weight_n);
         let moved_load_n = before_n + known * (weight_n - before_n);
         self.moved_load_n = Some(moved_load_n);

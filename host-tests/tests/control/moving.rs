@@ -166,8 +166,8 @@ fn the_positions_error_counts_how_far_a_load_moves_while_it_is_measured() {
     }
 }
 
-/// Weights are changed by hand, 2 N a second, and each is moved. Of 2000 such moves on ten plants 49 ended in `following-error` or
-/// beside their target without saying so when strings that turn for another weight counted as turning against a jammed load.
+/// Weights are changed by hand, 2 N a second, and each is moved. Strings that turn for another weight must not be taken for strings
+/// that turn against a jammed load: the load would stay beside its place, and the next move would end in `following-error`.
 #[test]
 fn loads_laid_on_by_hand_are_held_and_moved() {
     for seed in [1007, 1010] {

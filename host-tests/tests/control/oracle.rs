@@ -1,6 +1,6 @@
 //! Random scenarios with an oracle: what the board believes holds within twice its stated error unless it says that it doubts,
-//! nothing turns by the motor's torque while a fault is latched, and no fault is raised without a cause. `TSA_SCENARIOS=FIRST+COUNT` tries others, and `TSA_DONE=1` prints what
-//! was done.
+//! nothing turns by the motor's torque while a fault is latched, and no fault is raised without a cause.
+//! `TSA_SCENARIOS=FIRST+COUNT` tries others, and `TSA_DONE=1` prints what was done.
 
 use super::go;
 use host_tests::ControlBench;

@@ -456,7 +456,6 @@ fn strings_neither_pull_much_harder_nor_fall_slack_on_a_load_that_jams_under_way
         bench.friction_n = 100.0;
         let fault = bench.ticks_until_fault(3000).map(|(_, fault)| fault);
         let beyond_n = (bench.pull_n - bench.load_n).abs();
-        println!("{target_m} m, {speed} m/s: {fault:?}, {beyond_n} N");
         // What counts as a jam, and what the strings turn before the load is 0.3 mm behind.
         assert!(
             fault == Some(Fault::FollowingError) && beyond_n < 4.5,
@@ -465,8 +464,7 @@ fn strings_neither_pull_much_harder_nor_fall_slack_on_a_load_that_jams_under_way
     }
 }
 
-/// The weight changes by 2 N a second. Strings that took the load for jammed would leave it beside its place, and behind its
-/// set-point in the next move.
+/// The weight changes by 2 N a second. A load that is taken for jammed would be left beside its place.
 #[test]
 fn a_load_whose_weight_is_changed_by_hand_comes_back_to_its_place_and_moves_on() {
     for to_n in [14.0f32, 9.0, 2.0] {
