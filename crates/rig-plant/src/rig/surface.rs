@@ -128,7 +128,6 @@ impl Surface {
             let along = loads[i] * point.by_load_m_per_n + point.by_twist_m_per_rad * x * end_by_u;
             Ok((point.gap_m, (end - PI) * point.by_twist_m_per_rad, along))
         })?;
-        let max_load_n = (u_min + u_step * LOAD_CELLS as f64).exp();
         let no_torque = Grid { cells: 0, nodes: Vec::new() };
         let [open_torque, twisted_torque] = [no_torque.clone(), no_torque];
         let mut surface =
@@ -157,34 +156,38 @@ impl Surface {
 
     /// Gap and slopes at a twist of either sign and a load within the surface (clamped to it).
     pub fn gap(&self, twist_rad: f64, load_n: f64) -> GapPoint {
-        let load_n = load_n.clamp(SLACK_LOAD_N, self.max_load_n);
         let u = self.u(load_n);
+        let (gap_m, by_twist_m_per_rad, by_u_m) = self.gap_at(twist_rad, u);
+        GapPoint { gap_m, by_twist_m_per_rad, by_load_m_per_n: by_u_m / u.exp() }
+    }
+
+    /// Gap (m) and its slopes by the twist (m/rad) and by u = ln F (m), at a twist of either sign.
+    fn gap_at(&self, twist_rad: f64, u: f64) -> (f64, f64, f64) {
         let twist = twist_rad.abs();
         let sign = if twist_rad < 0.0 { -1.0 } else { 1.0 };
         let (i, t) = self.cell(u);
-        let (gap, by_twist, by_u) = if twist < PI {
+        if twist < PI {
             let (gap, by_x, by_u) = self.open.at(i, t, self.u_step, twist / PI);
-            (gap, by_x / PI, by_u)
-        } else {
-            let (end, end_by_u) = self.end(u);
-            let x = (twist - PI) / (end - PI);
-            let (gap, by_x, by_u) = self.twisted.at(i, t, self.u_step, x.min(1.0));
-            let by_twist = by_x / (end - PI);
-            let over = (twist - end).clamp(0.0, RUN_ON_RAD);
-            (gap + by_twist * over, by_twist, by_u - by_twist * x.min(1.0) * end_by_u)
-        };
-        GapPoint { gap_m: gap, by_twist_m_per_rad: sign * by_twist, by_load_m_per_n: by_u / load_n }
+            return (gap, sign * by_x / PI, by_u);
+        }
+        let (end, end_by_u) = self.end(u);
+        let x = (twist - PI) / (end - PI);
+        let (gap, by_x, by_u) = self.twisted.at(i, t, self.u_step, x.min(1.0));
+        let by_twist = by_x / (end - PI);
+        let over = (twist - end).clamp(0.0, RUN_ON_RAD);
+        (gap + by_twist * over, sign * by_twist, by_u - by_twist * x.min(1.0) * end_by_u)
     }
 
     /// The inverse: the force at a twist and a gap. `near_n` is a guess, the force a step ago.
     pub fn pull(&self, twist_rad: f64, gap_m: f64, near_n: f64) -> Pull {
-        // Newton in ln F inside a bracket that shrinks: the gap rises with the load.
-        let (mut low, mut high) = (self.u_min, self.max_load_n.ln());
-        let mut u = near_n.clamp(SLACK_LOAD_N, self.max_load_n).ln();
-        let mut point = self.gap(twist_rad, u.exp());
+        // Newton in u = ln F inside a bracket that shrinks: the gap rises with the load.
+        let (mut low, mut high) = (self.u_min, self.u_min + self.u_step * LOAD_CELLS as f64);
+        let mut u = self.u(near_n);
+        let mut point = self.gap_at(twist_rad, u);
         let mut is_inside = false;
         for _ in 0..60 {
-            let miss = point.gap_m - gap_m;
+            let (here_m, _, by_u_m) = point;
+            let miss = here_m - gap_m;
             if miss.abs() < 1e-12 {
                 break;
             }
@@ -193,7 +196,7 @@ impl Surface {
             } else {
                 low = u
             }
-            let newton = u - miss / (point.by_load_m_per_n * u.exp());
+            let newton = u - miss / by_u_m;
             u = if newton > low && newton < high {
                 newton
             } else {
@@ -203,13 +206,11 @@ impl Surface {
                 is_inside = true;
                 0.5 * (low + high)
             };
-            point = self.gap(twist_rad, u.exp());
+            point = self.gap_at(twist_rad, u);
         }
-        Pull {
-            force_n: u.exp(),
-            stiffness_n_per_m: 1.0 / point.by_load_m_per_n,
-            by_twist_m_per_rad: point.by_twist_m_per_rad,
-        }
+        let (_, by_twist_m_per_rad, by_u_m) = point;
+        let force_n = u.exp();
+        Pull { force_n, stiffness_n_per_m: force_n / by_u_m, by_twist_m_per_rad }
     }
 
     /// The force at a gap that no load of the surface has.
@@ -238,12 +239,11 @@ impl Surface {
     /// It conserves energy: with S the elastic energy, dS = F dG − T dθ, so that ∂T/∂F = ∂G/∂θ here, and T is its integral
     /// over the force from zero (docs/explanation/model.md 4).
     pub fn torque_nm(&self, twist_rad: f64, force_n: f64) -> f64 {
-        let within_n = force_n.clamp(SLACK_LOAD_N, self.max_load_n);
-        let slope = self.gap(twist_rad, within_n).by_twist_m_per_rad;
+        let slope = |load_n: f64| self.gap(twist_rad, load_n).by_twist_m_per_rad;
         if force_n < SLACK_LOAD_N {
-            return force_n * slope;
+            return force_n * slope(SLACK_LOAD_N);
         }
-        let u = self.u(within_n);
+        let u = self.u(force_n);
         let (i, t) = self.cell(u);
         let twist = twist_rad.abs();
         let (nm, ..) = if twist < PI {
@@ -251,7 +251,11 @@ impl Surface {
         } else {
             self.twisted_torque.at(i, t, self.u_step, ((twist - PI) / (self.end(u).0 - PI)).min(1.0))
         };
-        nm.copysign(-twist_rad) + (force_n - within_n) * slope
+        let within_nm = nm.copysign(-twist_rad);
+        if force_n <= self.max_load_n {
+            return within_nm;
+        }
+        within_nm + (force_n - self.max_load_n) * slope(self.max_load_n)
     }
 
     /// The torques of one part of the twists, load by load: what the load before has at the same twist, and the integral of ∂G/∂θ

@@ -80,9 +80,9 @@ impl Strings {
         let radius = |twist: f64| self.model.radius(pull_n.max(SLACK_LOAD_N), twist, 1.0, 1.0);
         let here = radius(twist);
         let (arc, slope) = (factor * twist * here.radius_m, factor * (here.arc_by_twist + shift * here.radius_m));
-        // Newton's method; the arc is nearly proportional to the twist.
+        // Newton's method, in two steps: the arc is nearly proportional to the twist.
         let mut model = factor * twist;
-        for _ in 0..4 {
+        for _ in 0..2 {
             let there = radius(model);
             model -= (model * there.radius_m - arc) / there.arc_by_twist;
         }
