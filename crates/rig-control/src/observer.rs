@@ -27,8 +27,8 @@ pub const TRAVEL_M: f32 = 0.3e-3;
 /// Pull beyond the friction band that is no noise, as a fraction of the load, besides the motion that is no noise.
 const OUTSIDE_FRACTION: f32 = 0.01;
 /// Time without a pull outside the friction band (ticks) after which the estimate has settled, and with which such a pull
-/// vanishes from the error of the estimate: an oscillation of the load.
-const SETTLED_TICKS: u16 = 40;
+/// vanishes from the error of the estimate: a period of the load's slowest oscillation.
+pub const SETTLED_TICKS: u16 = 40;
 /// Standard error of the friction that a moving load shows, as a fraction of it: play and stiction look like friction.
 const MOVING_BAND: f32 = 0.3;
 /// Standard deviation of a load that is anywhere within the friction band, as a fraction of the friction.

@@ -39,7 +39,8 @@ const PROBE_SPEED: f32 = 1.5;
 /// Change of the gap (m) that decides the probe: several times what rail friction can hold back.
 const PROBE_CHANGE_M: f32 = 0.25e-3;
 /// Longest probe (rad), and its first part, after which it goes on faster. Rail friction holds the load over several radians:
-/// 0.1 N under 0.5 N highly twisted for 6 rad, and 1 N under 15 N from one side of zero twist to the other. Against a jammed load the whole probe adds some 8 N.
+/// 0.1 N under 0.5 N highly twisted for 6 rad, and 1 N under 15 N from one side of zero twist to the other. Against a jammed load the
+/// whole probe adds some 8 N. A gap that does not rise over so long a turn of the search for its maximum is that of a jammed load.
 const PROBE_TRAVEL: f32 = 18.0;
 const PROBE_SLOW: f32 = 7.0;
 /// Fraction of the motor's speed that is used.
@@ -53,8 +54,6 @@ const SEEK_SPEED: f32 = 8.0;
 const SEEK_FALL_M: f32 = 0.6e-3;
 /// Fall before such a rise (m) that shows that this is not the way to zero twist: more of it would close the strings.
 const SEEK_ASTRAY_M: f32 = 3e-3;
-/// Turn without such a rise (rad) that no friction explains which the probe can overcome: the load is jammed.
-const SEEK_STUCK: f32 = PROBE_TRAVEL;
 /// Turn (rad) over which the rise of the gap is measured, how often in a row it must have grown, and by how much in all, to show
 /// a reversed LVDT. Estimated for the default rig, not measured: it grows by 12 % and more from window to window, and friction
 /// makes up to 8 % of it.
@@ -72,8 +71,8 @@ pub const LOAD_TURNS: f32 = 6.0;
 /// Speeds of weighing (rad/s), at the middle of the sweep and at its ends. The speed varies, in both directions alike, so
 /// that the quantization of the drive's speed averages out: at one speed it beats with the period of the commands.
 pub const LOAD_SPEED: [f32; 2] = [SWEEP_SPEED, 6.2];
-/// Acceleration of all of it (rad/s²).
-const ACCELERATION: f32 = 25.0;
+/// Acceleration of all of it, and of a jog (rad/s²).
+pub(crate) const ACCELERATION: f32 = 25.0;
 /// Rest before the sweeps across the maximum, before weighing and before the reference is taken (s), for the load to stop
 /// oscillating, and how long the reference is averaged over (s).
 const REST_S: f32 = 0.5;
@@ -345,7 +344,7 @@ impl Homing {
         if seek.low_m.is_none() && fall_m > SEEK_FALL_M {
             self.zero_rad = seek.top_rad;
             Ok(Phase::CentreRest { ticks: 0 })
-        } else if seek.low_m.is_some() && (fall_m > SEEK_ASTRAY_M || turned > SEEK_STUCK) {
+        } else if seek.low_m.is_some() && (fall_m > SEEK_ASTRAY_M || turned > PROBE_TRAVEL) {
             Err(HomingFailure::NoPretwist)
         } else if turned > 0.98 * SEEK_TRAVEL {
             Err(HomingFailure::TravelEnd)

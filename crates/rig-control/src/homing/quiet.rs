@@ -1,9 +1,9 @@
 //! Whether the load hangs still.
 
-/// A load is quiet when its smoothed gap (m) stays within this for so long (ticks): a period of its slowest oscillation. The noise of
-/// one reading would be larger.
+use crate::observer::SETTLED_TICKS;
+
+/// A load is quiet when its smoothed gap (m) stays within this over an oscillation. The noise of one reading would be larger.
 const QUIET_M: f32 = 0.1e-3;
-const QUIET_TICKS: u16 = 40;
 
 /// Minimum and maximum gap (m) since some ticks; `None` before the first one.
 #[derive(Clone, Copy, Debug)]
@@ -24,7 +24,7 @@ impl Quiet {
             return false;
         }
         (self.ticks, self.range_m) = (self.ticks + 1, Some([low_m, high_m]));
-        self.ticks > QUIET_TICKS
+        self.ticks > SETTLED_TICKS
     }
 }
 

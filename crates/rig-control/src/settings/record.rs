@@ -4,7 +4,6 @@
 //! settings:  version 2 | generation u32 LE
 //!            | gear ratio, counts per rad, LVDT's gap at code 0 (m), LVDT's metres per code: f32 LE
 //!            | for each that is not at its default: code u8, value f32 LE
-//! version 1: version 1 | generation u32 LE | basis u32 LE | for each: code u8, value f32 LE
 //! witness:   generation u32 LE
 //! ```
 //! The store checks every record and skips a damaged one, so that it then returns an older record of the same key, with
@@ -13,8 +12,7 @@
 //!
 //! The record has the constants for which its settings were made. Firmware with other constants uses the settings that do
 //! not depend on those that differ, and reports the others ([`Kept::Partly`]); the record stays as it is until the settings
-//! are changed. A record of version 1 is still read, but not written. Its basis is a hash of all those constants and of the
-//! current limit's default, so that a difference in one of them makes the whole record useless.
+//! are changed. A record of another version counts as damaged.
 //!
 //! A setting that a record does not have is at its default, and an unknown one is ignored. The points of the LVDT's
 //! calibration are entries of their own, so that records of firmware without them are read, and the other way round.
@@ -26,8 +24,6 @@ use rig_link::messages::{CorrectedConstants, Dropped, Kept, LVDT_POINTS_MAX, Lvd
 
 /// Version of the record.
 const VERSION: u8 = 2;
-/// Version of the record with one hash for all constants.
-const VERSION_WITH_BASIS: u8 = 1;
 /// Bytes of the constants in a record.
 const CONSTANTS: usize = 16;
 const HEAD: usize = 5 + CONSTANTS;
@@ -44,15 +40,6 @@ const RECORD: usize = HEAD + (Setting::ALL.len() + 2 * LVDT_POINTS_MAX + 1) * EN
 fn numbers(constants: &CorrectedConstants) -> [f32; CONSTANTS / 4] {
     let CorrectedConstants { gear_ratio, counts_per_rad, lvdt_gap_at_code_zero_m, lvdt_metres_per_code } = *constants;
     [gear_ratio, counts_per_rad, lvdt_gap_at_code_zero_m, lvdt_metres_per_code]
-}
-
-/// The hash (FNV-1a) of a record of version 1.
-fn basis(rig: &RigConstants) -> u32 {
-    numbers(&corrected(rig))
-        .iter()
-        .chain([&f32::from(rig.current_limit_ma)])
-        .flat_map(|value| value.to_le_bytes())
-        .fold(0x811c_9dc5, |hash, byte| (hash ^ u32::from(byte)).wrapping_mul(0x0100_0193))
 }
 
 /// The settings that flash had.
@@ -105,31 +92,20 @@ struct Record {
 
 /// Reads a record; `None` if it is not one of ours, or if the settings in it cannot be told apart.
 fn parse(record: &[u8], rig: &RigConstants) -> Option<Record> {
-    let (version, rest) = record.split_first()?;
+    let rest = record.strip_prefix(&[VERSION])?;
     let (generation, rest) = rest.split_first_chunk()?;
-    let (generation, defaults) = (u32::from_le_bytes(*generation), defaults(rig));
-    match *version {
-        VERSION => {
-            let (constants, entries) = rest.split_at_checked(CONSTANTS)?;
-            let mut constants = constants.as_chunks().0.iter().map(|bytes| f32::from_le_bytes(*bytes));
-            let from = CorrectedConstants {
-                gear_ratio: constants.next()?,
-                counts_per_rad: constants.next()?,
-                lvdt_gap_at_code_zero_m: constants.next()?,
-                lvdt_metres_per_code: constants.next()?,
-            };
-            let values = parse_entries(entries, &defaults)?;
-            let (values, dropped) = values.carried_over(&from, &corrected(rig), &defaults, &defaults);
-            Some(Record { generation, values, dropped })
-        }
-        VERSION_WITH_BASIS => {
-            let (found, entries) = rest.split_first_chunk()?;
-            let values = parse_entries(entries, &defaults)?;
-            let fits = u32::from_le_bytes(*found) == basis(rig) && values.check(&defaults).is_ok();
-            fits.then_some(Record { generation, values, dropped: Dropped::NONE })
-        }
-        _ => None,
-    }
+    let (constants, entries) = rest.split_at_checked(CONSTANTS)?;
+    let mut constants = constants.as_chunks().0.iter().map(|bytes| f32::from_le_bytes(*bytes));
+    let from = CorrectedConstants {
+        gear_ratio: constants.next()?,
+        counts_per_rad: constants.next()?,
+        lvdt_gap_at_code_zero_m: constants.next()?,
+        lvdt_metres_per_code: constants.next()?,
+    };
+    let defaults = defaults(rig);
+    let values = parse_entries(entries, &defaults)?;
+    let (values, dropped) = values.carried_over(&from, &corrected(rig), &defaults, &defaults);
+    Some(Record { generation: u32::from_le_bytes(*generation), values, dropped })
 }
 
 /// The values of entries. The numbers are not checked; `None` if an entry or the LVDT's curve is not whole.
@@ -332,37 +308,14 @@ mod tests {
         }
     }
 
-    /// Settings as firmware of version 1 wrote them, before there were points of a calibration.
     #[test]
-    fn a_record_of_version_1_is_read_with_the_same_constants_only() {
-        let mut record = std::vec![1, 5, 0, 0, 0];
-        // The hash of these constants as that firmware computed it.
-        record.extend(0x2090_c0d3u32.to_le_bytes());
-        for (code, value) in (0u8..).zip([1e-3f32, 1.01, 0.0, -1.0, 1.0, 0.03, 0.4, 1.0]) {
-            record.push(code);
-            record.extend(value.to_le_bytes());
+    fn a_record_of_another_version_is_damage() {
+        let mut record = write(&defaults(&RIG), &RIG, 5);
+        for version in [0, VERSION - 1, VERSION + 1] {
+            record[0] = version;
+            let loaded = read(Some(&record), Some(&write_witness(5)), &RIG);
+            assert_eq!((loaded.kept, loaded.values, loaded.generation), (Kept::Damaged, defaults(&RIG), 5));
         }
-        let loaded = read(Some(&record), Some(&write_witness(5)), &RIG);
-        assert_eq!((loaded.kept, loaded.generation, loaded.values.lvdt_curve), (Kept::These, 5, None));
-        assert_eq!(
-            loaded.values.numbers,
-            [1e-3, 1.01, 0.0, -1.0, 1.0, 0.03, 0.4, 1.0, 1.0],
-            "new ones have their defaults"
-        );
-        let again = read(Some(&write(&loaded.values, &RIG, 6)), Some(&write_witness(6)), &RIG);
-        assert_eq!((again.kept, again.values), (Kept::These, loaded.values), "and is written in the present version");
-        for other in [
-            RigConstants { lvdt_metres_per_code: 5e-5, ..RIG },
-            RigConstants { gear_ratio: 53.0, ..RIG },
-            RigConstants { current_limit_ma: 900, ..RIG },
-        ] {
-            let loaded = read(Some(&record), Some(&write_witness(5)), &other);
-            assert_eq!((loaded.kept, loaded.values), (Kept::Damaged, defaults(&other)));
-        }
-        // One value that is not allowed.
-        let place = record.len() - 4;
-        record[place..].copy_from_slice(&2f32.to_le_bytes());
-        assert_eq!(read(Some(&record), Some(&write_witness(5)), &RIG).kept, Kept::Damaged);
     }
 
     #[test]

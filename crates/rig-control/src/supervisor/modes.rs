@@ -5,7 +5,7 @@ use super::sensing::DriveZero;
 use super::stream::Stream;
 use super::{Controller, DriveLoop, Events, Inputs, STANDING_RPM, STANDING_TICKS, ticks};
 use crate::direction::{DirectionCheck, Step, Witnesses};
-use crate::homing::{Homing, HomingInputs, Progress};
+use crate::homing::{self, Homing, HomingInputs, Progress};
 use crate::ramp::Ramp;
 use crate::sensors::{DriveReading, LvdtReading};
 use crate::{TICK_S, whole_counts};
@@ -17,8 +17,6 @@ use rig_link::messages::{EventKind, Fault, Faults, HomingFailure, Limit, LoadCho
 const SINKING_RAD_PER_S: f32 = 40.0;
 /// Longest start, from the drive's first report: fifty times what a shaft takes to come to rest.
 const BOOT_TICKS: u16 = ticks(1000);
-/// Acceleration of a jog (rad/s²).
-const JOG_ACCELERATION: f32 = 20.0;
 
 /// What the rig is doing, with what is needed only while it does that.
 // There is no heap to put the 2 kB of a homing on, and a tick that begins one has the time to write them.
@@ -291,7 +289,7 @@ impl Controller {
     }
 
     fn step_jog(&mut self, jog: Jog, events: &mut Events) -> Option<Limit> {
-        let speed_change = JOG_ACCELERATION * TICK_S;
+        let speed_change = homing::ACCELERATION * TICK_S;
         self.shaft.speed += (jog.speed_rad_per_s - self.shaft.speed).clamp(-speed_change, speed_change);
         let next = self.shaft.position + self.shaft.speed * TICK_S;
         // A homed rig knows how far the strings may be twisted, either way.

@@ -1,15 +1,12 @@
 //! The command to the drive.
 
 use super::fault_policy::Response;
+use super::guard::healthy_lag_rad;
 use super::modes::{EStopContact, Mode};
 use super::{Controller, DriveLoop, Inputs};
 use crate::sensors::DriveReading;
 use crate::{TICK_S, whole_counts};
 use rmds405::DriveCommand;
-
-/// How far from its reported position the drive may be sent (rad, and seconds of its speed): more than a healthy one lags.
-const MAX_LAG_RAD: f32 = 1.0;
-const MAX_LAG_S: f32 = 0.3;
 
 /// Part of the current limit that is allowed before the shaft has been seen to stand: several times what the heaviest load of
 /// the default scene needs.
@@ -51,9 +48,8 @@ impl Controller {
         if !counts.is_finite() {
             return None;
         }
-        // Whatever else goes wrong, the drive is never sent far from its reported position.
-        let max_lag =
-            whole_counts((MAX_LAG_RAD + MAX_LAG_S * self.shaft.speed.abs()) * self.constants.counts_per_rad.abs());
+        // Whatever else goes wrong, the drive is never sent far from its reported position: hardly farther than would be a fault.
+        let max_lag = whole_counts(1.2 * healthy_lag_rad(self.shaft.speed) * self.constants.counts_per_rad.abs());
         let here = i64::from(position_qc);
         let position = (whole_counts(counts) - offset).clamp(here - max_lag, here + max_lag);
         let position = position.clamp(i64::from(i32::MIN), i64::from(i32::MAX));

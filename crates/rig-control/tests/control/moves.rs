@@ -190,17 +190,17 @@ fn a_jog_turns_at_its_speed_within_the_strings_range() {
     let jog = |twist_speed_rad_per_s| Request::Jog { twist_speed_rad_per_s };
     bench.begin(jog(3.0));
     assert_eq!(bench.rig.state(), State::Moving);
-    // 20 rad/s²: at speed after 0.15 s.
+    // 25 rad/s²: at speed after 0.12 s.
     bench.run(100);
-    near(bench.twist_rad, from_rad + 3.0 * (1.0 - 0.075), 0.06);
+    near(bench.twist_rad, from_rad + 3.0 * (1.0 - 0.06), 0.06);
     bench.begin(jog(-2.0));
     bench.run(50);
     let from_rad = bench.twist_rad;
     bench.run(50);
     near(bench.twist_rad - from_rad, -1.0, 0.01);
     assert_eq!(bench.ask(Request::Stop), Ok(Accepted::Done));
-    // 2 rad/s at 20 rad/s² are ten ticks, of which that of the request is one.
-    assert_eq!(bench.while_in(State::Moving), 9);
+    // 2 rad/s at 25 rad/s² are eight ticks, of which that of the request is one.
+    assert_eq!(bench.while_in(State::Moving), 7);
     assert_eq!((bench.rig.state(), bench.events.last()), (State::Unhomed, Some(&EventKind::Stopped)));
     for speed in [4.01, f32::NAN] {
         assert!(bench.ask(jog(speed)).is_err());
@@ -213,7 +213,7 @@ fn a_jog_turns_at_its_speed_within_the_strings_range() {
     assert_eq!((bench.shown().limit, bench.rig.state()), (Some(Limit::Travel), State::Moving));
     bench.begin(jog(-4.0));
     bench.run(100);
-    near(bench.twist_rad, table().metadata.twist_max_rad - 4.0 * (1.0 - 0.1), 0.1);
+    near(bench.twist_rad, table().metadata.twist_max_rad - 4.0 * (1.0 - 0.08), 0.1);
     assert_eq!(bench.shown().limit, None);
 }
 

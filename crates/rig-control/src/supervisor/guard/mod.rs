@@ -28,6 +28,7 @@ use gap::GapChecks;
 use load::LoadChecks;
 use rig_link::messages::{Fault, Faults, Limit, State};
 use shaft::ShaftChecks;
+pub(super) use shaft::healthy_lag_rad;
 use switches::Switches;
 use timing::TickTiming;
 use tsa_table::Metadata;

@@ -16,6 +16,11 @@ const LAG_S: f32 = 0.25;
 /// How far the strings may go past their range (rad), or past where they stood at a `clear`.
 const PAST_TWIST_RAD: f32 = 0.3;
 
+/// How far the shaft of a healthy drive may stay behind a set-point that turns at a speed (rad/s), rad.
+pub(in crate::supervisor) fn healthy_lag_rad(speed_rad_per_s: f32) -> f32 {
+    LAG_RAD + LAG_S * speed_rad_per_s.abs()
+}
+
 /// What the shaft's checks remember.
 #[derive(Clone, Copy, Debug, Default)]
 pub(in crate::supervisor) struct ShaftChecks {
@@ -82,7 +87,7 @@ impl ShaftChecks {
     pub(super) fn lags(&mut self, situation: &Situation<'_>) -> bool {
         let Situation { shaft, readings, .. } = situation;
         let follows = situation.drive_zero.is_matched() && situation.state != State::Fault;
-        let behind = (shaft.position - readings.shaft_rad).abs() > LAG_RAD + LAG_S * shaft.speed.abs();
+        let behind = (shaft.position - readings.shaft_rad).abs() > healthy_lag_rad(shaft.speed);
         lasts(&mut self.lag_ticks, behind && follows, SHORT_TICKS)
     }
 }
