@@ -246,7 +246,7 @@ impl Controller {
         match fault {
             Fault::TableCorrupt | Fault::ClockSource => true,
             Fault::CanBusOff => inputs.bus_off,
-            Fault::Supply => super::guard::supply_is_off(inputs, &self.constants),
+            Fault::Supply => super::guard::supply_off_us(inputs, &self.constants).is_some(),
             _ => self.sensing.readings.lvdt == LvdtReading::Invalid(fault),
         }
     }

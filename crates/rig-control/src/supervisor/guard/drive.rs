@@ -32,7 +32,8 @@ pub(in crate::supervisor) struct DriveChecks {
     disagreed_at: Option<[i64; 2]>,
     /// Last reported position (the drive's own counts).
     pub(in crate::supervisor) last_drive_qc: Option<i32>,
-    supply_ticks: u16,
+    /// When the first of the reports came that show the supply out of its limits (µs), as long as all since then do.
+    supply_off_us: Option<u64>,
 }
 
 /// Whether a report of this time says nothing about now.
@@ -40,12 +41,11 @@ pub(super) fn is_silent(now_us: u64, report_us: u64) -> bool {
     now_us.saturating_sub(report_us) > DRIVE_SILENT_US
 }
 
-/// Whether the supply is known to be out of its limits now.
-pub(in crate::supervisor) fn supply_is_off(inputs: &Inputs, constants: &RigConstants) -> bool {
+/// When the report came that shows the supply out of its limits now (µs), if it is.
+pub(in crate::supervisor) fn supply_off_us(inputs: &Inputs, constants: &RigConstants) -> Option<u64> {
     let [min, max] = constants.supply_limits_v;
-    inputs
-        .supply
-        .is_some_and(|s| inputs.now_us.saturating_sub(s.t_us) < SUPPLY_OLD_US && !(min..=max).contains(&s.volts))
+    let supply = inputs.supply.filter(|s| inputs.now_us.saturating_sub(s.t_us) < SUPPLY_OLD_US)?;
+    (!(min..=max).contains(&supply.volts)).then_some(supply.t_us)
 }
 
 impl DriveChecks {
@@ -88,8 +88,10 @@ impl DriveChecks {
             found.insert(Fault::DriveReset);
             return found;
         }
-        let supply_off = started && supply_is_off(inputs, constants);
-        if lasts(&mut self.supply_ticks, supply_off, BRIEF_TICKS) {
+        // One report may be wrong, and the next one lost: two must show it.
+        let off_us = supply_off_us(inputs, constants).filter(|_| started);
+        self.supply_off_us = off_us.and(self.supply_off_us.or(off_us));
+        if self.supply_off_us < off_us {
             found.insert(Fault::Supply);
         }
         let max_counts = JUMP_FACTOR * constants.twist_speed_max() * constants.counts_per_rad.abs() * tick_s;

@@ -23,7 +23,7 @@ use super::{EventKind, Events, HOST_SILENT_US, Inputs, ticks};
 use crate::RigConstants;
 use crate::ramp::Ramp;
 use drive::DriveChecks;
-pub(super) use drive::supply_is_off;
+pub(super) use drive::supply_off_us;
 use gap::GapChecks;
 use load::LoadChecks;
 use rig_link::messages::{Fault, Faults, Limit, State};
