@@ -113,6 +113,12 @@ impl Scenario {
         }
     }
 
+    fn move_somewhere(&mut self, random: &mut Pcg64Mcg) {
+        let target_m = random.random_range(0.0..0.013f32);
+        self.tick(Some(go(target_m, random.random_range(0.0005..0.008f32))));
+        self.run(random.random_range(1.0..12.0));
+    }
+
     fn end_homing(&mut self) {
         let until_s = self.bench.time_s() + 60.0;
         while self.bench.control.state() == State::Homing && self.bench.time_s() < until_s {
@@ -126,13 +132,15 @@ impl Scenario {
         let other_kg = other_kg.clamp(0.1, 1.7);
         let begun_s = self.bench.time_s();
         match kind {
-            0..=3 => {
-                let target_m = random.random_range(0.0..0.013f32);
-                self.tick(Some(go(target_m, random.random_range(0.0005..0.008f32))));
-                self.run(random.random_range(1.0..12.0));
+            0..=3 => self.move_somewhere(random),
+            4 => {
+                // The load may leave its place while somebody changes its weight by hand; the next move must not fail by that.
+                self.hang(other_kg, true);
+                self.run(random.random_range(CHANGED_S..8.0));
+                self.move_somewhere(random);
             }
-            4 | 5 => {
-                self.hang(other_kg, kind == 4);
+            5 => {
+                self.hang(other_kg, false);
                 self.run(random.random_range(0.0..8.0));
             }
             6 => {
