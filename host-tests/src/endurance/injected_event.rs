@@ -28,7 +28,7 @@ pub enum InjectedEvent {
     LoadStep,
     /// Set-points are streamed, and then no longer.
     Stream,
-    /// The board makes its table again, for strings a little thicker.
+    /// A table for strings that are a little thicker is sent to the board.
     Rebuild,
     /// The LVDT is calibrated, three sweeps are recorded, the constants identified, and the board is sent the table of them, with
     /// which the run goes on. Half an hour's work, so not at random.
