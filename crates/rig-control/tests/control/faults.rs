@@ -54,9 +54,8 @@ fn each_fault_of_drive_and_bus_is_raised_in_its_time() {
 fn the_supply_must_be_off_in_two_reports() {
     let volts = |volts: f32, age_us: u64| {
         move |inputs: &mut Inputs| {
-            if let Some(supply) = &mut inputs.supply {
-                (supply.volts, supply.t_us) = (volts, supply.t_us - age_us);
-            }
+            let Some(supply) = &mut inputs.supply else { return };
+            (supply.volts, supply.t_us) = (volts, supply.t_us - age_us);
         }
     };
     let [min, max] = constants().supply_limits_v;
@@ -66,13 +65,10 @@ fn the_supply_must_be_off_in_two_reports() {
     assert_eq!(fault_of(volts(min, 0)), None);
     // A report each 50 ms, of which every fourth is wrong and the one after it is lost.
     let reports = |inputs: &mut Inputs| {
-        if let Some(supply) = &mut inputs.supply {
-            let report = match inputs.now_us / 50_000 {
-                lost if lost % 4 == 1 => lost - 1,
-                report => report,
-            };
-            (supply.t_us, supply.volts) = (50_000 * report, if report % 4 == 0 { 0.0 } else { 24.0 });
-        }
+        let Some(supply) = &mut inputs.supply else { return };
+        let newest = inputs.now_us / 50_000;
+        let report = newest - u64::from(newest % 4 == 1);
+        (supply.t_us, supply.volts) = (50_000 * report, if report % 4 == 0 { 0.0 } else { 24.0 });
     };
     assert_eq!(fault_of(reports), None);
     // It cannot be cleared while it lasts.
