@@ -68,7 +68,7 @@ fn the_supply_must_be_off_in_two_reports() {
         let Some(supply) = &mut inputs.supply else { return };
         let newest = inputs.now_us / 50_000;
         let report = newest - u64::from(newest % 4 == 1);
-        (supply.t_us, supply.volts) = (50_000 * report, if report % 4 == 0 { 0.0 } else { 24.0 });
+        (supply.t_us, supply.volts) = (50_000 * report, if report.is_multiple_of(4) { 0.0 } else { 24.0 });
     };
     assert_eq!(fault_of(reports), None);
     // It cannot be cleared while it lasts.
