@@ -8,7 +8,7 @@ use std::net::Shutdown;
 use std::os::unix::net::UnixStream;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::mpsc::{self, Receiver, SyncSender, TryRecvError};
+use std::sync::mpsc::{self, Receiver, SyncSender, TryRecvError, TrySendError};
 use std::thread::JoinHandle;
 
 /// Lines of a client that wait for the server; then the client waits. No client can keep the server from the others.
@@ -88,7 +88,8 @@ impl Outbox {
     /// Queues a line that must not be lost: an answer or an event. A client that has no room for it is disconnected.
     pub fn send(&mut self, line: impl Into<Arc<str>>) {
         self.waiting.fetch_add(1, Ordering::Relaxed);
-        if self.lines.as_ref().is_some_and(|lines| lines.try_send(line.into()).is_err()) {
+        let sent = self.lines.as_ref().map(|lines| lines.try_send(line.into()));
+        if matches!(sent, Some(Err(TrySendError::Full(_)))) {
             self.close();
         }
     }
@@ -130,6 +131,8 @@ impl Client {
         let (outbox, queue) = Outbox::new();
         let writing = std::thread::Builder::new().spawn(move || {
             while queue.next().is_some_and(|line| sink.write_all(format!("{line}\n").as_bytes()).is_ok()) {}
+            // What a client sent before it stopped reading still counts, and nothing after that.
+            let _ = sink.shutdown(Shutdown::Read);
         })?;
         Ok(Self { number, outbox, inbox: Some(inbox), stream, writing })
     }
@@ -155,9 +158,9 @@ impl Client {
         self.inbox.is_none()
     }
 
-    /// Whether nothing more can go to it.
+    /// Whether it reads nothing, or has closed its end and all that it sent before has been read.
     pub fn is_gone(&self) -> bool {
-        self.outbox.lines.is_none() || self.is_written()
+        self.outbox.lines.is_none() || (self.is_written() && self.is_silent())
     }
 
     /// Whether everything that was queued is out, or cannot go out.
@@ -204,6 +207,29 @@ mod tests {
         (0..TELEMETRY).for_each(|k| assert_eq!(queue.next().as_deref(), Some(&*k.to_string()), "the first are kept"));
         offer(&mut outbox, 1000..1002);
         ["{\"lost\":17}", "1000", "1001"].iter().for_each(|line| assert_eq!(queue.next().as_deref(), Some(*line)));
+    }
+
+    #[test]
+    fn what_a_client_sent_is_read_although_it_is_gone_by_then() {
+        let closes: [fn(UnixStream) -> Option<UnixStream>; 2] =
+            [|_| None, |far| far.shutdown(Shutdown::Read).is_ok().then_some(far)];
+        for close in closes {
+            let (near, mut far) = UnixStream::pair().expect("a pair");
+            let mut client = Client::start(1, near).expect("a client");
+            // More lines than wait for the server, so that some are still unread once nothing can go out.
+            far.write_all("line\n".repeat(3 * INBOX).as_bytes()).expect("sent");
+            let _half_closed = close(far);
+            while !client.is_written() {
+                client.outbox.offer(&"telemetry".into());
+                std::thread::yield_now();
+            }
+            let mut read = 0;
+            while !client.is_gone() {
+                read += client.lines().len();
+                client.outbox.offer(&"telemetry".into());
+            }
+            assert_eq!(read, 3 * INBOX);
+        }
     }
 
     #[test]
