@@ -17,7 +17,7 @@ pub struct Spec {
     pub range: [f32; 2],
     /// Only the two ends of the range are allowed.
     pub ends_only: bool,
-    /// Another value changes the meaning of position and twist: the rig must be homed again.
+    /// Another value changes the meaning of position, twist or load: the rig must be homed again.
     pub unhomes: bool,
 }
 
@@ -39,6 +39,8 @@ impl Setting {
             Self::CurrentLimit => spec("A", None, [0.05, 5.0]),
             Self::TwistScale => spec("", Some(1.0), [0.85, 1.15]),
             Self::LoopGain => spec("", Some(1.0), [0.2, 1.0]),
+            // What a homing and the load after it were corrected by.
+            Self::HeaviestLoad => Spec { unhomes: true, ..spec("N", Some(0.0), [0.0, 200.0]) },
         }
     }
 
@@ -148,11 +150,13 @@ mod tests {
         }
     }
 
-    /// Position and twist are computed from these; the others bound or shift what is sent and shown.
+    /// Position, twist or load are computed from these; the others bound or shift what is sent and shown.
     #[test]
-    fn a_setting_that_changes_the_meaning_of_position_or_twist_unhomes() {
+    fn a_setting_that_changes_the_meaning_of_position_twist_or_load_unhomes() {
         let unhome = Setting::ALL.iter().filter(|setting| setting.spec().unhomes);
-        assert!(unhome.eq(&[Setting::LvdtOffset, Setting::LvdtGain, Setting::TwistSign, Setting::GearScale]));
+        let expected =
+            [Setting::LvdtOffset, Setting::LvdtGain, Setting::TwistSign, Setting::GearScale, Setting::HeaviestLoad];
+        assert!(unhome.eq(&expected));
     }
 
     #[test]

@@ -75,6 +75,8 @@ named_codes! {
         TwistScale = 7, "twist-scale";
         /// Fraction of the position loop's feedback that is used: less gives a slower loop with more margin.
         LoopGain = 8, "loop-gain";
+        /// Heaviest load that these rods had carried before power-up (N), which they remember; 0 for new ones.
+        HeaviestLoad = 9, "heaviest-load";
     }
 }
 

@@ -30,7 +30,11 @@ impl CorrectedConstants {
                 self.gear_ratio == other.gear_ratio && self.counts_per_rad.abs() == other.counts_per_rad.abs()
             }
             // Numbers of their own, which correct no constant.
-            Setting::PositionZero | Setting::SpeedMax | Setting::CurrentLimit | Setting::LoopGain => true,
+            Setting::PositionZero
+            | Setting::SpeedMax
+            | Setting::CurrentLimit
+            | Setting::LoopGain
+            | Setting::HeaviestLoad => true,
         }
     }
 
@@ -124,7 +128,7 @@ mod tests {
     /// No setting at its default.
     fn all_set() -> SettingValues {
         SettingValues {
-            numbers: [1e-3, 1.01, 2e-3, -1.0, 1.02, 0.003, 0.3, 1.03, 0.5],
+            numbers: [1e-3, 1.01, 2e-3, -1.0, 1.02, 0.003, 0.3, 1.03, 0.5, 9.0],
             lvdt_curve: LvdtCurve::new(&[[0.06, 1e-4], [0.07, 1e-4]], 2e-5).ok(),
         }
     }

@@ -49,7 +49,7 @@ fn request() -> impl Strategy<Value = Request> {
 }
 
 fn values() -> impl Strategy<Value = SettingValues> {
-    prop::array::uniform9(float()).prop_map(|numbers| SettingValues { numbers, ..SettingValues::ZERO })
+    prop::array::uniform10(float()).prop_map(|numbers| SettingValues { numbers, ..SettingValues::ZERO })
 }
 
 fn curve() -> impl Strategy<Value = Option<LvdtCurve>> {

@@ -145,7 +145,7 @@ fn stretch(log: &Log, at: usize, mark: &Mark, board: &Board<'_>) -> Option<Stret
     let homed = Homed {
         zero_rad: 0.0,
         beyond_range: false,
-        heaviest_n: heaviest_n(log, at),
+        heaviest_n: heaviest_n(log, at, board.settings.get(Setting::HeaviestLoad)),
         found: HomingResult { drive_lag_s: 0.0, ..found },
     };
     let answers = answers(&ticks, &homed, board);
@@ -168,15 +168,16 @@ fn stretch(log: &Log, at: usize, mark: &Mark, board: &Board<'_>) -> Option<Stret
     })
 }
 
-/// The heaviest load that the log shows before a homing (N), as far as the board made use of it: not where the load was given.
-fn heaviest_n(log: &Log, homed: usize) -> f32 {
+/// The heaviest load before a homing (N), by the board's settings and by the log, as far as the board made use of it: not where the
+/// load was given.
+fn heaviest_n(log: &Log, homed: usize, kept_n: f32) -> f32 {
     let asked = log.marks[..homed].iter().rev().find_map(|m| match m.mark {
         Mark::Request(Request::Home { load }) => Some(load),
         _ => None,
     });
     match asked {
         Some(LoadChoice::Known(_)) => 0.0,
-        _ => log.rows[..log.marks[homed].row].iter().filter_map(|row| row.load_n).fold(0.0, f32::max),
+        _ => log.rows[..log.marks[homed].row].iter().filter_map(|row| row.load_n).fold(kept_n, f32::max),
     }
 }
 

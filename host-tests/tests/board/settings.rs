@@ -18,7 +18,7 @@ fn updated(elf: &[u8], scene: &Scene, image: &[u8]) -> Bench {
 fn an_update_for_another_lvdt_waits_for_the_operator_and_loses_nothing() {
     let mut b = standing(&[], 7);
     let lvdt_curve = LvdtCurve::new(&[[0.09, 1e-4], [0.1, 2e-4], [0.11, 0.0]], 2e-5).ok();
-    let old = SettingValues { numbers: [1e-3, 1.01, 2e-3, -1.0, 1.02, 0.003, 0.45, 1.03, 0.5], lvdt_curve };
+    let old = SettingValues { numbers: [1e-3, 1.01, 2e-3, -1.0, 1.02, 0.003, 0.45, 1.03, 0.5, 9.0], lvdt_curve };
     b.set(&Request::SetSettings(old)).unwrap();
     let (elf, scene) = other_rig();
     let mut b = updated(&elf, &scene, &b.machine.flash_image());

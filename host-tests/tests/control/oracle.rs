@@ -7,9 +7,9 @@ use host_tests::ControlBench;
 use host_tests::rigs::subject::Subject;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
-use rig_link::messages::{Doubts, Request, State};
+use rig_link::messages::{Doubts, Fault, Request, State};
 use rig_plant::units::STANDARD_GRAVITY;
-use rig_plant::{RigFault, RigPreset};
+use rig_plant::{RigFault, RigPreset, Truth};
 
 /// Steps of a scenario after its homing.
 const STEPS: u32 = 10;
@@ -18,6 +18,8 @@ const CHANGED_S: f64 = 5.0;
 const WRONG_S: f64 = 1.0;
 /// How far the shaft may still turn by the motor's torque (rad) once a fault has been latched for half a second.
 const TURNED_RAD: f64 = 0.3;
+/// How far the load must truly be behind its set-point (m) for that to be a fault, at some time in the last second.
+const BEHIND_M: f64 = 2e-3;
 /// Faults that come and go, with how long they last (s).
 const FAULTS: [(RigFault, f64); 11] = [
     (RigFault::StringSlip, 0.0),
@@ -41,6 +43,12 @@ struct Scenario {
     disturbed_s: f64,
     /// Since when load and position are believed wrongly (s), and what was said.
     wrong_s: [Option<f64>; 2],
+    /// When the load was last [`BEHIND_M`] from its set-point (s): a light load that friction holds is.
+    behind_s: f64,
+    /// Stated error of the load when it was last known (N).
+    load_error_n: f64,
+    /// Somebody changed the load while it was homed: the change looks like friction, until the next homing.
+    homed_changing: bool,
     /// A string that has slipped looks like another load, also to a homing (docs/explanation/how-it-works.md).
     has_slipped: bool,
     /// When the latched fault was raised (s), and how far the motor had driven half a second later (rad).
@@ -78,15 +86,35 @@ impl Scenario {
                 self.told.push(format!("{now_s:.1} s: {what} {:?} for {is:.5} in {}", wrong, telemetry.state));
             }
         }
-        self.look_at_fault(now_s, truth.driven_rad, quiet);
+        let behind = |set_point_m: f32| (self.bench.true_position_m() - f64::from(set_point_m)).abs() > BEHIND_M;
+        if telemetry.setpoint_m.is_some_and(behind) {
+            self.behind_s = now_s;
+        }
+        self.load_error_n = telemetry.load_error_n.map_or(self.load_error_n, f64::from);
+        self.look_at_fault(now_s, &truth, quiet);
     }
 
-    fn look_at_fault(&mut self, now_s: f64, driven_rad: f64, quiet: bool) {
+    /// Whether the rig as it is, and not what was done to it in the last seconds, is the cause of a fault.
+    fn has_cause(&self, fault: Option<Fault>, now_s: f64, load_n: f64) -> bool {
+        match fault {
+            Some(Fault::FollowingError) => now_s - self.behind_s < WRONG_S,
+            Some(Fault::LoadRange) => {
+                let range_n = self.bench.control.load_range_n().map(f64::from);
+                range_n.iter().any(|end_n| (load_n - end_n).abs() < 2.0 * self.load_error_n)
+            }
+            Some(Fault::ModelResidual) => self.homed_changing,
+            _ => false,
+        }
+    }
+
+    fn look_at_fault(&mut self, now_s: f64, truth: &Truth, quiet: bool) {
+        let driven_rad = truth.driven_rad;
         if self.bench.control.state() != State::Fault {
             self.fault = None;
             return;
         }
-        if self.fault.is_none() && quiet && !self.has_slipped {
+        let fault = self.bench.control.fault();
+        if self.fault.is_none() && quiet && !self.has_slipped && !self.has_cause(fault, now_s, truth.load_n) {
             self.told.push(format!("{now_s:.1} s: {:?} without a cause", self.bench.control.fault()));
         }
         let (since_s, from_rad) = *self.fault.get_or_insert((now_s, None));
@@ -117,6 +145,11 @@ impl Scenario {
         let target_m = random.random_range(0.0..0.013f32);
         self.tick(Some(go(target_m, random.random_range(0.0005..0.008f32))));
         self.run(random.random_range(1.0..12.0));
+    }
+
+    fn begin_homing(&mut self) {
+        self.tick(Some(Request::HOME));
+        self.homed_changing &= self.bench.control.state() != State::Homing;
     }
 
     fn end_homing(&mut self) {
@@ -158,9 +191,10 @@ impl Scenario {
             }
             7 => {
                 // A homing under which somebody changes the load.
-                self.tick(Some(Request::HOME));
+                self.begin_homing();
                 self.run(random.random_range(0.0..30.0));
                 if random.random_bool(0.5) {
+                    self.homed_changing = self.bench.control.state() == State::Homing;
                     self.hang(self.load_kg + 0.3 * (other_kg - self.load_kg), false);
                 }
                 self.end_homing();
@@ -185,7 +219,7 @@ impl Scenario {
             self.tick(Some(Request::Clear));
             self.run(1.0);
             if self.bench.control.state() == State::Unhomed {
-                self.tick(Some(Request::HOME));
+                self.begin_homing();
                 self.end_homing();
             }
         }
@@ -203,13 +237,16 @@ fn scenario(seed: u64) -> (Vec<String>, Vec<String>) {
         load_kg,
         disturbed_s: 0.0,
         wrong_s: [None; 2],
+        behind_s: f64::NEG_INFINITY,
+        load_error_n: 0.0,
+        homed_changing: false,
         has_slipped: false,
         fault: None,
         told: Vec::new(),
         done: vec![format!("{kind} rig {seed}, {:.2} N", load_kg * STANDARD_GRAVITY)],
     };
     scenario.run(2.5);
-    scenario.tick(Some(Request::HOME));
+    scenario.begin_homing();
     scenario.end_homing();
     for _ in 0..STEPS {
         scenario.step(&mut random);

@@ -60,9 +60,9 @@ mod tests {
         assert_eq!((gear.gear_ratio, gear.counts_per_rad), (31.0, 20_208.0));
         assert_eq!(with(Setting::CurrentLimit, 0.3).current_limit_ma, 300);
         assert_eq!(with(Setting::LoopGain, 0.5).loop_gain, 0.5);
-        // These three act elsewhere.
-        for setting in [Setting::PositionZero, Setting::SpeedMax, Setting::TwistScale] {
-            assert_eq!(with(setting, setting.spec().range[0]), RIG);
+        // These four act elsewhere.
+        for setting in [Setting::PositionZero, Setting::SpeedMax, Setting::TwistScale, Setting::HeaviestLoad] {
+            assert_eq!(with(setting, setting.spec().range[1]), RIG);
         }
     }
 }

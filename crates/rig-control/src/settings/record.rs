@@ -168,7 +168,7 @@ mod tests {
     /// Values that are allowed.
     fn values() -> impl Strategy<Value = SettingValues> {
         let curve = (2..=LVDT_POINTS_MAX, prop::array::uniform11(-1e-4..1e-4f32), 0.0..1e-3f32);
-        (prop::array::uniform9(0.0..=1f32), prop::option::of(curve)).prop_map(|(fractions, curve)| {
+        (prop::array::uniform10(0.0..=1f32), prop::option::of(curve)).prop_map(|(fractions, curve)| {
             let mut defaults = defaults(&RIG);
             defaults.lvdt_curve = curve.map(|(count, corrections, error_m)| {
                 let mut points = corrections.map(|correction_m| [0.0, correction_m]);
@@ -271,7 +271,7 @@ mod tests {
     #[test]
     fn other_constants_drop_only_what_corrects_them() {
         let lvdt_curve = LvdtCurve::new(&[[0.06, 1e-4], [0.07, 1e-4]], 2e-5).ok();
-        let set = SettingValues { numbers: [1e-3, 1.01, 4e-3, -1.0, 1.02, 0.03, 0.4, 1.03, 0.5], lvdt_curve };
+        let set = SettingValues { numbers: [1e-3, 1.01, 4e-3, -1.0, 1.02, 0.03, 0.4, 1.03, 0.5, 9.0], lvdt_curve };
         let record = write(&set, &RIG, 1);
         for (other, lost) in [
             (RigConstants { motor_speed_max_rad_per_s: 500.0, current_limit_ma: 900, ..RIG }, &[][..]),

@@ -33,7 +33,7 @@ impl Controller {
         Ok(if was_homed && self.tracking.is_none() { Accepted::Unhomed } else { Accepted::Started })
     }
 
-    /// Whether angles and gaps mean something else with them; the position is then not known any more.
+    /// Whether angles, gaps or loads mean something else with them; the position is then not known any more.
     fn apply(&mut self, values: &SettingValues) -> bool {
         let before = core::mem::replace(&mut self.settings, *values);
         let old = core::mem::replace(&mut self.constants, settings::apply(values, &self.scene));
@@ -42,6 +42,9 @@ impl Controller {
             // The same place in the new units; nothing is compared with readings in the old ones.
             self.shaft = Ramp::at(self.shaft.position * old.counts_per_rad / self.constants.counts_per_rad);
             self.guard.forget_places();
+            if changes(&Setting::HeaviestLoad) {
+                self.heaviest_n = values.get(Setting::HeaviestLoad);
+            }
             self.forget_position();
             return true;
         }

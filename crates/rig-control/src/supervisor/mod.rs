@@ -126,7 +126,7 @@ pub struct Controller {
     guard: Guard,
     /// What is known of the load; `None` while the rig is not homed.
     tracking: Option<LoadTracking>,
-    /// Heaviest load since power-up (N), which the rods remember.
+    /// Heaviest load (N) by the setting and since power-up, which the rods remember.
     heaviest_n: f32,
     /// Set-point of the shaft (rad as the own encoder counts) and its speed (rad/s).
     shaft: Ramp,

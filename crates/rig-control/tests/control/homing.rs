@@ -6,7 +6,7 @@ use rig_control::homing::NINETY_PERCENT;
 use rig_control::hysteresis::{MEMORY_ERROR, RodMemory};
 use rig_control::mechanism::Mechanism;
 use rig_control::{RigConstants, TICK_S};
-use rig_link::messages::{Accepted, EventKind, HomingFailure, LoadChoice, Request, State};
+use rig_link::messages::{Accepted, EventKind, HomingFailure, LoadChoice, Request, Setting, State};
 use std::f32::consts::{PI, TAU};
 use std::sync::Arc;
 
@@ -203,6 +203,35 @@ fn a_string_that_slips_after_the_sweeps_is_noticed() {
     }
     bench.while_in(State::Homing);
     assert_eq!(bench.events, [EventKind::HomingRefused(HomingFailure::Shifted)]);
+}
+
+#[test]
+fn rods_remember_what_the_setting_says_until_a_heavier_load_has_hung_or_new_ones_are_fitted() {
+    let homed = |bench: &mut Bench| {
+        bench.home();
+        bench.run(60);
+        bench.rig.homed().expect("homed").found.load_n
+    };
+    let mut bench = Bench::new(5.0, 0.0, 9.0);
+    let fresh_n = homed(&mut bench);
+    let set = |value| Request::SetSetting { setting: Setting::HeaviestLoad, value };
+    assert_eq!(bench.ask(set(10.0)), Ok(Accepted::Unhomed));
+    bench.run(30);
+    let after_n = homed(&mut bench);
+    let memory = RodMemory { light: table().metadata.uncertainty.rod_memory, heaviest_n: 10.0 };
+    near(memory.apparent_n(after_n), fresh_n, 0.01);
+    // A board that starts with it.
+    let kept = *bench.rig.settings();
+    let mut started = Bench::new(5.0, 0.0, 9.0);
+    started.rig.set_up(&kept);
+    near(homed(&mut started), after_n, 0.01);
+    assert_eq!(bench.ask(set(0.0)), Ok(Accepted::Unhomed));
+    bench.run(30);
+    near(homed(&mut bench), fresh_n, 0.01);
+    // Less than has hung since power-up changes nothing.
+    assert_eq!(bench.ask(set(1.0)), Ok(Accepted::Unhomed));
+    bench.run(30);
+    near(homed(&mut bench), fresh_n, 0.01);
 }
 
 /// The strings of this rig hang on rods without hysteresis, so that a load seems as heavy after a heavier one as before.
