@@ -29,7 +29,7 @@ pub enum InjectedEvent {
     /// Set-points are streamed, and then no longer.
     Stream,
     /// A table for strings that are a little thicker is sent to the board.
-    Rebuild,
+    NewTable,
     /// The LVDT is calibrated, three sweeps are recorded, the constants identified, and the board is sent the table of them, with
     /// which the run goes on. Half an hour's work, so not at random.
     Identify,
@@ -44,7 +44,7 @@ pub const INJECTED_EVENTS: [(InjectedEvent, &str); 9] = [
     (InjectedEvent::PowerCutInWrite, "power failures in a write to flash"),
     (InjectedEvent::LoadStep, "steps of the load"),
     (InjectedEvent::Stream, "streams"),
-    (InjectedEvent::Rebuild, "tables sent to the board"),
+    (InjectedEvent::NewTable, "tables sent to the board"),
     (InjectedEvent::Identify, "identifications"),
 ];
 /// How many come at random.
@@ -111,7 +111,7 @@ impl<R: Rng> Run<'_, R> {
             InjectedEvent::PowerCutInWrite => self.cut_in_a_write(),
             InjectedEvent::LoadStep => self.step_load(),
             InjectedEvent::Stream => self.stream(),
-            InjectedEvent::Rebuild => self.rebuild(),
+            InjectedEvent::NewTable => self.new_table(),
             InjectedEvent::Identify => self.identify(),
         }
     }
@@ -233,7 +233,7 @@ impl<R: Rng> Run<'_, R> {
     }
 
     /// Nothing moves while the board takes a table, and it is homed again.
-    fn rebuild(&mut self) {
+    fn new_table(&mut self) {
         let mut thicker = self.scene.clone();
         thicker.string.k2 *= self.random.random_range(1.0..1.02);
         // The rig's strings are those of before.

@@ -48,9 +48,8 @@ impl Controller {
         if !counts.is_finite() {
             return None;
         }
-        // Whatever else goes wrong, the drive is never sent far from its reported position: a little more than the lag that is a
-        // fault.
-        let max_lag = whole_counts(1.2 * healthy_lag_rad(self.shaft.speed) * self.constants.counts_per_rad.abs());
+        // Whatever else goes wrong, the drive is never sent farther from its reported position than it may lag.
+        let max_lag = whole_counts(healthy_lag_rad(self.shaft.speed) * self.constants.counts_per_rad.abs());
         let here = i64::from(position_qc);
         let position = (whole_counts(counts) - offset).clamp(here - max_lag, here + max_lag);
         let position = position.clamp(i64::from(i32::MIN), i64::from(i32::MAX));

@@ -64,13 +64,27 @@ fn the_supply_must_be_off_in_two_reports() {
     assert_eq!(fault_of(volts(max + 0.01, 150_000)), None, "it is old");
     assert_eq!(fault_of(volts(min, 0)), None);
     // A report each 50 ms, of which every fourth is wrong and the one after it is lost.
-    let reports = |inputs: &mut Inputs| {
+    let one_lost = |inputs: &mut Inputs| {
         let Some(supply) = &mut inputs.supply else { return };
         let newest = inputs.now_us / 50_000;
         let report = newest - u64::from(newest % 4 == 1);
         (supply.t_us, supply.volts) = (50_000 * report, if report.is_multiple_of(4) { 0.0 } else { 24.0 });
     };
-    assert_eq!(fault_of(reports), None);
+    assert_eq!(fault_of(one_lost), None);
+    // Two, between which the drive was silent.
+    let mut bench = holding();
+    bench.tamper = tamper(volts(0.0, 0));
+    bench.run(1);
+    bench.tamper = tamper(|inputs| {
+        inputs.supply = None;
+        reports(inputs, |t_us, _, _| *t_us -= 200_000);
+    });
+    bench.run(30);
+    bench.tamper = tamper(volts(0.0, 0));
+    bench.run(1);
+    bench.tamper = None;
+    bench.run(30);
+    assert!(!bench.events.contains(&EventKind::FaultRaised(Fault::Supply)), "{:?}", bench.events);
     // It cannot be cleared while it lasts.
     let mut bench = holding();
     bench.tamper = tamper(volts(0.0, 0));

@@ -58,6 +58,12 @@ impl DriveChecks {
         if inputs.bus_off {
             found.insert(Fault::CanBusOff);
         }
+        // One report may be wrong, and the next one lost: two must show it.
+        let off_us = supply_off_us(inputs, constants).filter(|_| started);
+        self.supply_off_us = off_us.and(self.supply_off_us.or(off_us));
+        if self.supply_off_us < off_us {
+            found.insert(Fault::Supply);
+        }
         let DriveReading::Reports { t_us, position_qc, speed_rpm, .. } = inputs.drive else {
             match inputs.drive {
                 DriveReading::Failed => found.insert(Fault::DriveStartUp),
@@ -87,12 +93,6 @@ impl DriveChecks {
         if started && !agree && was_reset(last_qc, position_qc) {
             found.insert(Fault::DriveReset);
             return found;
-        }
-        // One report may be wrong, and the next one lost: two must show it.
-        let off_us = supply_off_us(inputs, constants).filter(|_| started);
-        self.supply_off_us = off_us.and(self.supply_off_us.or(off_us));
-        if self.supply_off_us < off_us {
-            found.insert(Fault::Supply);
         }
         let max_counts = JUMP_FACTOR * constants.twist_speed_max() * constants.counts_per_rad.abs() * tick_s;
         let encoder = if !closed_loop {
