@@ -47,6 +47,8 @@ struct Scenario {
     behind_s: f64,
     /// Stated error of the load when it was last known (N).
     load_error_n: f64,
+    /// The load was changed and has not been moved since: friction hides a change of up to twice its size.
+    changed_at_rest: bool,
     /// Somebody changed the load while it was homed: the change looks like friction, until the next homing.
     homed_changing: bool,
     /// A string that has slipped looks like another load, also to a homing (docs/explanation/how-it-works.md).
@@ -67,13 +69,17 @@ impl Scenario {
         let load = telemetry
             .load_n
             .zip(telemetry.load_error_n)
-            .filter(|_| telemetry.doubts == Doubts::NONE && !self.has_slipped);
+            .filter(|_| telemetry.doubts == Doubts::NONE && !self.has_slipped && !self.homed_changing);
         let position = telemetry.position_m.zip(telemetry.position_error_m);
-        let beliefs = [("load", load, truth.load_n), ("position", position, self.bench.true_position_m())];
-        for (k, (what, said, is)) in beliefs.into_iter().enumerate() {
+        self.changed_at_rest &= telemetry.state != State::Moving;
+        let friction_n = self.bench.control.homed().map_or(0.0, |homed| f64::from(homed.found.friction_n));
+        let hidden_n = if self.changed_at_rest { 2.0 * friction_n } else { 0.0 };
+        let beliefs =
+            [("load", load, truth.load_n, hidden_n), ("position", position, self.bench.true_position_m(), 0.0)];
+        for (k, (what, said, is, hidden)) in beliefs.into_iter().enumerate() {
             let wrong = said
                 .filter(|_| at_work && quiet)
-                .filter(|(value, error)| (f64::from(*value) - is).abs() > 2.0 * f64::from(*error));
+                .filter(|(value, error)| (f64::from(*value) - is).abs() > 2.0 * f64::from(*error) + hidden);
             let since_s = match wrong {
                 Some(_) => *self.wrong_s[k].get_or_insert(now_s),
                 None => {
@@ -137,6 +143,7 @@ impl Scenario {
             self.load_kg += if slowly { (to_kg - self.load_kg).clamp(-0.01, 0.01) } else { to_kg - self.load_kg };
             self.bench.rig.set_plant("load", &format!("{}kg", self.load_kg)).expect("a load");
             self.disturbed_s = self.bench.time_s();
+            self.changed_at_rest = true;
             self.run(0.05);
         }
     }
@@ -239,6 +246,7 @@ fn scenario(seed: u64) -> (Vec<String>, Vec<String>) {
         wrong_s: [None; 2],
         behind_s: f64::NEG_INFINITY,
         load_error_n: 0.0,
+        changed_at_rest: false,
         homed_changing: false,
         has_slipped: false,
         fault: None,
