@@ -12,6 +12,7 @@ pub mod limit;
 pub mod load_changes;
 pub mod loop_gain;
 pub mod margins;
+pub mod oracle;
 pub mod physical_limit;
 pub mod results;
 pub mod rigs;

@@ -6,7 +6,9 @@ use anyhow::{Context, Result, bail};
 use clap::{Parser, Subcommand};
 use host_tests::results::{List, Section};
 use host_tests::study::{Rigs, Study};
-use host_tests::{agreement, compare, coverage, endurance, following, limit, loop_gain, margins, rigs, slow, speed};
+use host_tests::{
+    agreement, compare, coverage, endurance, following, limit, loop_gain, margins, oracle, rigs, slow, speed,
+};
 
 #[derive(Parser)]
 #[command(version)]
@@ -45,6 +47,8 @@ enum Task {
     Coverage(Rigs),
     /// How the control code on the fast bench agrees with the firmware on the emulated board
     Agreement(Rigs),
+    /// Random scenarios: whether beliefs hold, and faults have causes
+    Scenarios(Rigs),
     /// Long runs on the emulated board
     Endurance(endurance::Arguments),
 }
@@ -76,6 +80,7 @@ fn measured(task: &Task) -> Result<Study> {
         Task::Rigs(arguments) => rigs::measured(arguments),
         Task::Coverage(rigs) => Ok(coverage::study(rigs)),
         Task::Agreement(rigs) => Ok(agreement::study(rigs)),
+        Task::Scenarios(rigs) => Ok(oracle::study(rigs)),
         Task::Endurance(arguments) => Ok(endurance::study(arguments)),
     }
 }

@@ -5,7 +5,6 @@ mod estop;
 mod homing;
 mod load;
 mod moving;
-mod oracle;
 mod stream;
 mod wiring;
 
