@@ -226,6 +226,7 @@ impl Quantity {
         let all = [
             Self::Length,
             Self::Speed,
+            Self::Load,
             Self::AngularSpeed,
             Self::Voltage,
             Self::Current,
@@ -345,8 +346,7 @@ mod tests {
 
     #[test]
     fn quantities_by_their_si_unit() {
-        for quantity in [Quantity::Length, Quantity::Speed, Quantity::Current, Quantity::Stiffness, Quantity::PerForce]
-        {
+        for quantity in [Quantity::Length, Quantity::Load, Quantity::Current, Quantity::Stiffness, Quantity::PerForce] {
             assert_eq!(Quantity::of_unit(quantity.table().1[0].0), quantity);
         }
         assert_eq!(Quantity::of_unit(""), Quantity::Number);

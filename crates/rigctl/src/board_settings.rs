@@ -179,3 +179,18 @@ pub fn next_steps(session: &Session, lasts: bool, unhomed: bool, output: &mut Ou
     .filter(|(holds, _)| *holds)
     .try_for_each(|(_, line)| output.line(line))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_setting_is_read_in_its_own_unit() {
+        for setting in Setting::ALL {
+            let unit = setting.spec().unit;
+            assert_eq!(value(*setting, &format!("0.25{unit}")), Ok(0.25), "{setting}");
+            assert_eq!(quantity(*setting) == Quantity::Number, unit.is_empty(), "{setting}");
+        }
+        assert_eq!(value(Setting::HeaviestLoad, "1kg"), Ok(9.80665));
+    }
+}
