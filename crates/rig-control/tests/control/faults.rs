@@ -9,12 +9,12 @@ use rig_link::messages::{
 use std::f32::consts::TAU;
 use std::sync::Arc;
 
-fn tamper(change: impl Fn(&mut Inputs) + Send + Sync + 'static) -> Option<Tamper> {
+pub fn tamper(change: impl Fn(&mut Inputs) + Send + Sync + 'static) -> Option<Tamper> {
     Some(Arc::new(change))
 }
 
 /// A homed rig that holds its load at 8 mm.
-fn holding() -> Bench {
+pub fn holding() -> Bench {
     let mut bench = Bench::homed();
     bench.move_to(0.008, 0.004);
     bench.run(50);
@@ -23,152 +23,15 @@ fn holding() -> Bench {
 }
 
 /// The fault that a change of what the control code sees leads to, and after how many ticks.
-fn fault_of(change: impl Fn(&mut Inputs) + Send + Sync + 'static) -> Option<(u32, Fault)> {
+pub fn fault_of(change: impl Fn(&mut Inputs) + Send + Sync + 'static) -> Option<(u32, Fault)> {
     let mut bench = holding();
     bench.tamper = tamper(change);
     bench.ticks_until_fault(500)
 }
 
-fn reports(inputs: &mut Inputs, change: impl Fn(&mut u64, &mut i32, &mut i16)) {
+pub fn reports(inputs: &mut Inputs, change: impl Fn(&mut u64, &mut i32, &mut i16)) {
     if let DriveReading::Reports { t_us, position_qc, speed_rpm, .. } = &mut inputs.drive {
         change(t_us, position_qc, speed_rpm);
-    }
-}
-
-#[test]
-fn each_fault_of_drive_and_bus_is_raised_in_its_time() {
-    assert_eq!(fault_of(|inputs| inputs.bus_off = true), Some((1, Fault::CanBusOff)));
-    assert_eq!(fault_of(|inputs| inputs.drive_stalled = true), Some((1, Fault::DriveStall)));
-    assert_eq!(fault_of(|inputs| inputs.drive = DriveReading::Failed), Some((1, Fault::DriveStartUp)));
-    assert_eq!(fault_of(|inputs| inputs.drive = DriveReading::Starting), Some((1, Fault::DriveReset)));
-    assert_eq!(
-        fault_of(|inputs| reports(inputs, |_, position_qc, _| *position_qc = 399)),
-        Some((1, Fault::DriveReset))
-    );
-    let aged = |age_us| move |inputs: &mut Inputs| reports(inputs, |t_us, _, _| *t_us -= age_us);
-    assert_eq!(fault_of(aged(55_001)), Some((1, Fault::DriveSilent)));
-    assert_eq!(fault_of(aged(55_000)), None);
-}
-
-#[test]
-fn the_supply_must_be_off_in_two_reports() {
-    let volts = |volts: f32, age_us: u64| {
-        move |inputs: &mut Inputs| {
-            let Some(supply) = &mut inputs.supply else { return };
-            (supply.volts, supply.t_us) = (volts, supply.t_us - age_us);
-        }
-    };
-    let [min, max] = constants().supply_limits_v;
-    assert_eq!(fault_of(volts(min - 0.01, 0)), Some((2, Fault::Supply)));
-    assert_eq!(fault_of(volts(max + 0.01, 149_000)), Some((2, Fault::Supply)));
-    assert_eq!(fault_of(volts(max + 0.01, 150_000)), None, "it is old");
-    assert_eq!(fault_of(volts(min, 0)), None);
-    // A report each 50 ms, of which every fourth is wrong and the one after it is lost.
-    let one_lost = |inputs: &mut Inputs| {
-        let Some(supply) = &mut inputs.supply else { return };
-        let newest = inputs.now_us / 50_000;
-        let report = newest - u64::from(newest % 4 == 1);
-        (supply.t_us, supply.volts) = (50_000 * report, if report.is_multiple_of(4) { 0.0 } else { 24.0 });
-    };
-    assert_eq!(fault_of(one_lost), None);
-    // Two, between which the drive was silent.
-    let mut bench = holding();
-    bench.tamper = tamper(volts(0.0, 0));
-    bench.run(1);
-    bench.tamper = tamper(|inputs| {
-        inputs.supply = None;
-        reports(inputs, |t_us, _, _| *t_us -= 200_000);
-    });
-    bench.run(30);
-    bench.tamper = tamper(volts(0.0, 0));
-    bench.run(1);
-    bench.tamper = None;
-    bench.run(30);
-    assert!(!bench.events.contains(&EventKind::FaultRaised(Fault::Supply)), "{:?}", bench.events);
-    // It cannot be cleared while it lasts.
-    let mut bench = holding();
-    bench.tamper = tamper(volts(0.0, 0));
-    bench.run(40);
-    assert_eq!(bench.ask(Request::Clear), Err(Refusal::CauseRemains { fault: Fault::Supply }));
-    bench.tamper = None;
-    assert_eq!(bench.ask(Request::Clear), Ok(Accepted::Done));
-    assert_eq!(bench.rig.state(), State::Ready);
-    assert_eq!(bench.events, [EventKind::FaultRaised(Fault::Supply), EventKind::FaultCleared(Fault::Supply)]);
-}
-
-#[test]
-fn own_encoder_and_drive_are_compared() {
-    // 1500 counts at rest are allowed; they must differ for eight ticks.
-    let apart = |counts| move |inputs: &mut Inputs| reports(inputs, |_, position_qc, _| *position_qc += counts);
-    assert_eq!(fault_of(apart(1490)), None);
-    assert_eq!(fault_of(apart(-1490)), None);
-    assert_eq!(fault_of(apart(1510)), Some((8, Fault::EncoderJump)), "it goes on counting alike");
-    assert_eq!(fault_of(apart(-4096)), Some((8, Fault::EncoderJump)));
-    // One and a half times what the maximum speed makes, and what the two may differ by.
-    let constants = constants();
-    let max = (1.5 * constants.twist_speed_max() * constants.counts_per_rad * 0.01 + 1500.0) as i64;
-    let start_us = holding().now_us;
-    let jump = |counts| {
-        move |inputs: &mut Inputs| {
-            let even = (inputs.now_us - start_us) / TICK_US % 2 == 1;
-            inputs.encoder_counts += if even { counts } else { 0 };
-        }
-    };
-    assert_eq!(fault_of(jump(max + 20)), Some((1, Fault::EncoderJump)));
-    assert_ne!(fault_of(jump(max - 20)).map(|(ticks, _)| ticks), Some(1));
-    // An encoder that stands while the drive turns, and one that turns at half the drive's speed.
-    let slower = |fraction: f32| {
-        let mut bench = holding();
-        let from = (bench.twist_rad + bench.zero_rad()) * constants.counts_per_rad;
-        bench.tamper = tamper(move |inputs| {
-            inputs.encoder_counts = (from + fraction * (inputs.encoder_counts as f32 - from)) as i64;
-        });
-        bench.begin(to(0.002, 0.004));
-        let fault = bench.ticks_until_fault(300).map(|(_, fault)| fault);
-        // The drive holds where it is by its own count.
-        bench.run(50);
-        assert_eq!(bench.rig.faults().iter().count(), 1, "{:?}", bench.events);
-        let DriveCommand::Follow { position_qc, .. } = bench.command else { panic!("{:?}", bench.command) };
-        let sensors = bench.sensors.as_ref().unwrap();
-        let there = (sensors.drive_rad.unwrap() * constants.counts_per_rad) as i32;
-        assert!((position_qc - there).abs() < 4000, "{position_qc} {there}");
-        fault
-    };
-    assert_eq!(slower(0.0), Some(Fault::EncoderStuck));
-    assert_eq!(slower(0.5), Some(Fault::EncoderDisagrees));
-}
-
-#[test]
-fn a_drives_report_is_compared_with_the_own_count_of_its_time() {
-    let counts_per_rpm = constants().counts_per_rad * TAU / constants().gear_ratio / 60.0;
-    let mut bench = Bench::homed();
-    bench.tamper = tamper(move |inputs| {
-        reports(inputs, |t_us, position_qc, speed_rpm| {
-            *t_us -= 30_000;
-            *position_qc -= (0.03 * counts_per_rpm * f32::from(*speed_rpm)) as i32;
-        });
-    });
-    bench.move_to(0.012, f32::INFINITY);
-}
-
-#[test]
-fn own_encoder_and_drive_are_matched_when_the_motor_stands_but_for_its_hunting() {
-    let counts_per_s_per_rpm = constants().counts_per_rad * TAU / constants().gear_ratio / 60.0;
-    for (rpm, stands) in [(-35.0, true), (55.0, false)] {
-        let mut bench = Bench::new(5.0, 0.01, 9.0);
-        bench.while_in(State::Boot);
-        bench.begin(Request::CheckDirection);
-        while bench.command != DriveCommand::Restart {
-            bench.tick(None);
-        }
-        let from_us = bench.now_us;
-        bench.tamper = tamper(move |inputs| {
-            let turned = (1e-6 * (inputs.now_us - from_us) as f32 * rpm * counts_per_s_per_rpm) as i32;
-            inputs.encoder_counts += i64::from(turned);
-            reports(inputs, |_, position_qc, _| *position_qc += turned);
-        });
-        bench.run(60);
-        assert_eq!(bench.rig.state() == State::Unhomed, stands, "{rpm} rpm: {:?}", bench.rig.state());
     }
 }
 

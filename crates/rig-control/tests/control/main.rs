@@ -3,6 +3,7 @@
 
 mod bench;
 mod constants;
+mod drive_faults;
 mod faults;
 mod fixture;
 mod friction_compensation;
