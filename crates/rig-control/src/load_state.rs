@@ -10,13 +10,12 @@ use crate::ramp::Ramp;
 /// How far below the half-turn pre-twist the strings may be untwisted by the loop (rad).
 const BELOW_PRETWIST: f32 = 0.15;
 
-/// Change of the gap that is motion and no noise: least (m), and over the noise of the gap in one tick.
-const MOVED_M: f32 = 20e-6;
+/// Change of the gap that is motion and no noise, over the noise of the gap in one tick.
 const MOVED_NOISES: f32 = 4.0;
 
 /// Change of the gap that is motion and no noise (m), with a noise of the gap in one tick (m, rms).
 pub(crate) fn moved_m(gap_noise_m: f32) -> f32 {
-    MOVED_M.max(MOVED_NOISES * gap_noise_m)
+    MOVED_NOISES * gap_noise_m
 }
 
 /// The load in one tick.

@@ -311,6 +311,7 @@ impl LoadObserver {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::homing::load_estimate::MIN_GAP_ERROR_M;
     use crate::hysteresis::memory_shape;
     use rig_link::messages::GapCurve;
 
@@ -321,7 +322,7 @@ mod tests {
         load_error_n: 0.5,
         friction_n: 0.0,
         reference_gap_m: 0.06,
-        gap_noise_m: 0.0,
+        gap_noise_m: MIN_GAP_ERROR_M,
         jump_m: 0.0,
         twist_scale: 1.0,
         curve: GapCurve::constant(0.0),

@@ -7,9 +7,7 @@
 
 use crate::load_state::LoadState;
 
-/// Minimum error (m) below which a load at rest is left alone, an eighth of an LVDT count, and more where the gap is noisier.
-pub const AT_REST_M: f32 = 6e-6;
-/// The same, over the noise of the gap.
+/// Error below which a load at rest is left alone, over the noise of the gap.
 pub const AT_REST_NOISES: f32 = 1.7;
 /// Fraction of a jump below which an error is left alone.
 pub const JUMP_FRACTION: f32 = 0.55;
@@ -64,7 +62,7 @@ impl Rest {
 
     /// Error (m) below which a load at rest is left alone, with a noise of the gap in one tick (m, rms).
     pub fn left_alone_m(&self, noise_m: f32, jump_m: f32) -> f32 {
-        AT_REST_M.max(AT_REST_NOISES * noise_m).max(self.tolerance_m(jump_m))
+        (AT_REST_NOISES * noise_m).max(self.tolerance_m(jump_m))
     }
 
     /// One tick; `done` when the set-point is at its target, and the error (m) of the load there.

@@ -24,7 +24,7 @@ use crate::ramp::Ramp;
 use crate::{RigConstants, TICK_S};
 use centre::Centre;
 use core::f32::consts::{PI, TAU};
-use load_estimate::LoadEstimate;
+use load_estimate::{LoadEstimate, MIN_GAP_ERROR_M};
 use quiet::Quiet;
 use rig_link::messages::{HomingFailure, HomingResult, LoadChoice};
 use stick_slip::StickSlip;
@@ -435,7 +435,9 @@ impl Homing {
         let Some(w) = fitted.filter(|_| averaged && rest.count > 0.0) else {
             return Ok(Phase::Settle { ticks, rest });
         };
-        let (reference_gap_m, gap_noise_m) = rest.mean_and_noise_m();
+        let (reference_gap_m, noise_m) = rest.mean_and_noise_m();
+        // What the converter cannot resolve may look like no noise at all.
+        let gap_noise_m = noise_m.max(MIN_GAP_ERROR_M);
         // Where the load hangs after the sweeps must be where the sweeps say that it does, after a way down.
         let mechanism = Mechanism { table: *table, twist_scale: w.twist_scale, curve: w.curve };
         let there = mechanism.at(w.apparent_n - w.friction_n, PI);

@@ -2,6 +2,7 @@
 
 use rig_config::Scene;
 use rig_control::RigConstants;
+use rig_control::homing::load_estimate::MIN_GAP_ERROR_M;
 use rig_control::load_motion::LoadMotion;
 use rig_control::load_state::LoadState;
 use rig_control::mechanism::Mechanism;
@@ -59,7 +60,7 @@ pub fn hanging(load_n: f32, friction_n: f32, twist_rad: f32) -> LoadState<'stati
         position_m: 0.0,
         motion,
         reference_gap_m: point.gap_m,
-        gap_noise_m: 0.0,
+        gap_noise_m: MIN_GAP_ERROR_M,
         jump_m: 0.0,
         twist_rad,
         twist_limits: constants().twist_limits(),

@@ -2,6 +2,7 @@
 
 use crate::fixture::{hanging, near, table};
 use rig_control::TICK_S;
+use rig_control::homing::load_estimate::MIN_GAP_ERROR_M;
 use rig_control::load_motion::{LoadMotion, Measured};
 use rig_control::mechanism::Mechanism;
 use rig_control::observer::{LoadObserver, Observation};
@@ -24,7 +25,7 @@ fn observer() -> LoadObserver {
         load_error_n: 0.25,
         friction_n: FRICTION_N,
         reference_gap_m: 0.095,
-        gap_noise_m: 0.0,
+        gap_noise_m: MIN_GAP_ERROR_M,
         jump_m: 0.0,
         twist_scale: 1.0,
         curve: GapCurve::constant(0.0),
