@@ -49,7 +49,7 @@ struct Scenario {
     disturbed_s: f64,
     /// Since when load and position are believed wrongly (s), and what was said.
     wrong_s: [Option<f64>; 2],
-    /// When the load was last [`BEHIND_M`] from its set-point (s): a light load that friction holds is.
+    /// When the load was last truly [`BEHIND_M`] from its set-point (s), as one that friction holds is.
     behind_s: f64,
     /// Stated error of the load when it was last known (N).
     load_error_n: f64,
@@ -81,6 +81,24 @@ struct Found {
 const NO_CAUSE: &str = "no cause";
 
 impl Scenario {
+    /// On a rig that has just been switched on with a load (kg).
+    fn new(kind: RigPreset, seed: u64, load_kg: f64) -> Self {
+        let rig = Subject::new(kind, seed).switched_on(load_kg * STANDARD_GRAVITY).expect("a rig");
+        Self {
+            bench: ControlBench::on(rig, crate::booted()),
+            load_kg,
+            disturbed_s: 0.0,
+            wrong_s: [None; 2],
+            behind_s: f64::NEG_INFINITY,
+            load_error_n: 0.0,
+            changed_at_rest: false,
+            homed_changing: false,
+            has_slipped: false,
+            fault: None,
+            found: Found::default(),
+        }
+    }
+
     fn tick(&mut self, request: Option<Request>) {
         self.bench.tick(request);
         let (now_s, truth) = (self.bench.time_s(), self.bench.truth());
@@ -133,7 +151,9 @@ impl Scenario {
         match fault {
             _ if !quiet => "a fault or another load in the five seconds before",
             _ if self.has_slipped => "a string had slipped",
-            Fault::FollowingError if now_s - self.behind_s < WRONG_S => "friction held the load behind its set-point",
+            Fault::FollowingError if now_s - self.behind_s < WRONG_S => {
+                "the load was truly more than 2 mm from its set-point"
+            }
             Fault::LoadRange if near_end() => "the end of the table is within twice the stated error",
             Fault::ModelResidual if self.homed_changing => "the load was changed while it was homed",
             _ => NO_CAUSE,
@@ -230,7 +250,7 @@ impl Scenario {
                 self.begin_homing();
                 self.run(random.random_range(0.0..30.0));
                 if random.random_bool(0.5) {
-                    self.homed_changing = self.bench.control.state() == State::Homing;
+                    self.homed_changing |= self.bench.control.state() == State::Homing;
                     self.hang(self.load_kg + 0.3 * (other_kg - self.load_kg), false);
                 }
                 self.end_homing();
@@ -264,21 +284,7 @@ impl Scenario {
 /// What the oracle finds in the scenario of a kind of rig that a seed names.
 fn scenario(kind: RigPreset, seed: u64) -> Found {
     let mut random = Pcg64Mcg::seed_from_u64(seed);
-    let load_kg = 0.15 * 10f64.powf(random.random_range(0.0..1.0f64));
-    let rig = Subject::new(kind, seed).switched_on(load_kg * STANDARD_GRAVITY).expect("a rig");
-    let mut scenario = Scenario {
-        bench: ControlBench::on(rig, crate::booted()),
-        load_kg,
-        disturbed_s: 0.0,
-        wrong_s: [None; 2],
-        behind_s: f64::NEG_INFINITY,
-        load_error_n: 0.0,
-        changed_at_rest: false,
-        homed_changing: false,
-        has_slipped: false,
-        fault: None,
-        found: Found::default(),
-    };
+    let mut scenario = Scenario::new(kind, seed, 0.15 * 10f64.powf(random.random_range(0.0..1.0f64)));
     scenario.run(2.5);
     scenario.begin_homing();
     scenario.end_homing();
@@ -358,5 +364,24 @@ mod tests {
         let study = study(&rigs);
         assert_eq!(study.values["wrong"], 0.0, "{study}");
         assert!(study.notes[1].contains("five seconds before"), "no fault was raised: {study}");
+    }
+    #[test]
+    fn a_fault_has_the_cause_that_explains_it_and_else_none() {
+        let mut scenario = Scenario::new(RigPreset::Ideal, 1, 0.5);
+        let cause = |scenario: &Scenario, fault, quiet| scenario.cause(fault, 60.0, 17.0, quiet);
+        for fault in [Fault::FollowingError, Fault::LoadRange, Fault::ModelResidual, Fault::DriveSilent] {
+            assert_eq!(cause(&scenario, fault, true), NO_CAUSE, "{fault}");
+            assert_ne!(cause(&scenario, fault, false), NO_CAUSE, "{fault}");
+        }
+        // 17 N is 1 N from the end of the default table.
+        (scenario.behind_s, scenario.load_error_n, scenario.homed_changing) = (59.5, 0.6, true);
+        for fault in [Fault::FollowingError, Fault::LoadRange, Fault::ModelResidual] {
+            assert_ne!(cause(&scenario, fault, true), NO_CAUSE, "{fault}");
+        }
+        assert_eq!(cause(&scenario, Fault::DriveSilent, true), NO_CAUSE);
+        (scenario.behind_s, scenario.load_error_n) = (58.5, 0.4);
+        for fault in [Fault::FollowingError, Fault::LoadRange] {
+            assert_eq!(cause(&scenario, fault, true), NO_CAUSE, "{fault}");
+        }
     }
 }

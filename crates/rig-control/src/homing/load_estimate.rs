@@ -28,7 +28,8 @@ const USED: usize = BINS - 2 * END_BINS;
 pub const STEPS: u8 = 10;
 /// What the curve misses is smooth, so that neighbouring bins miss alike: the number of bins that count as independent.
 pub const INDEPENDENT_BINS: f32 = 4.0;
-/// Minimum error of a bin's gap and minimum noise of the gap in one tick (m): a tenth of the converter's code, which averaging over a moving load resolves.
+/// Minimum error of a bin's gap and minimum noise of the gap in one tick (m): a tenth of the converter's code, which averaging
+/// over a moving load resolves.
 pub const MIN_GAP_ERROR_M: f32 = 5e-6;
 /// Maximum error of a bin's gap (m) that the fit takes for the law's own: the radius laws of docs/explanation/model.md
 /// 6 differ by less.

@@ -111,7 +111,7 @@ pub struct HomingResult {
     pub friction_n: f32,
     /// Measured gap at position zero (m): the half-turn pre-twist, unless a setting says otherwise.
     pub reference_gap_m: f32,
-    /// Noise of the gap in one tick, measured at rest (m, rms).
+    /// Noise of the gap in one tick, measured at rest (m, rms); at least what the converter resolves.
     pub gap_noise_m: f32,
     /// How far the load jumps when it breaks loose from stiction (m); 0 where it slides smoothly.
     pub jump_m: f32,
