@@ -5,7 +5,7 @@ use crate::constants::TwistLimits;
 use crate::load_motion::LoadMotion;
 use crate::mechanism::Mechanism;
 use crate::observer::Observation;
-use crate::ramp::Ramp;
+use crate::ramp::{Ramp, braking_speed};
 
 /// How far below the half-turn pre-twist the strings may be untwisted by the loop (rad).
 const BELOW_PRETWIST: f32 = 0.15;
@@ -49,14 +49,18 @@ impl LoadState<'_> {
         moved_m(self.gap_noise_m)
     }
 
-    /// Set-point of the shaft one tick later, with strings that are to turn at a speed (rad/s), as far as the motor can follow and
-    /// the strings' travel goes; and whether they are at the end of it. `zero_rad` is where the shaft has zero twist (rad).
+    /// Set-point of the shaft one tick later, with strings that are to turn at a speed (rad/s), as far as the motor can follow; it
+    /// brakes into the ends of the strings' travel. And whether such an end makes them slower than they are to turn. `zero_rad` is
+    /// where the shaft has zero twist (rad).
     pub fn turned(&self, shaft: Ramp, zero_rad: f32, twist_speed_rad_per_s: f32) -> (Ramp, bool) {
-        let speed = self.twist_limits.after_a_tick(shaft.speed, twist_speed_rad_per_s);
-        let wanted_rad = shaft.position + speed * TICK_S - zero_rad;
+        let limits = &self.twist_limits;
         let table = &self.mechanism.table.metadata;
-        let twist_rad = wanted_rad.clamp(table.twist_min_rad - BELOW_PRETWIST, table.twist_max_rad);
-        let at_end = twist_rad != wanted_rad;
-        (Ramp { position: zero_rad + twist_rad, speed: if at_end { 0.0 } else { speed } }, at_end)
+        let twist_rad = shaft.position - zero_rad;
+        let brakes = |left_rad: f32| braking_speed(left_rad.max(0.0), limits.acceleration);
+        let slowest = -brakes(twist_rad - (table.twist_min_rad - BELOW_PRETWIST));
+        let fastest = brakes(table.twist_max_rad - twist_rad);
+        let free = limits.after_a_tick(shaft.speed, twist_speed_rad_per_s);
+        let speed = limits.after_a_tick(shaft.speed, free.clamp(slowest, fastest));
+        (Ramp { position: shaft.position + speed * TICK_S, speed }, speed != free)
     }
 }

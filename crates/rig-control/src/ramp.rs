@@ -11,6 +11,13 @@ pub struct Ramp {
     pub speed: f32,
 }
 
+/// Maximum speed in this tick from which a ramp still stops within a distance `left`: v²/2a + v·dt/2 = left, in whole ticks.
+pub fn braking_speed(left: f32, acceleration: f32) -> f32 {
+    let unit = acceleration * TICK_S;
+    let brake = 0.5 * unit * (libm::sqrtf(1.0 + 8.0 * left / (unit * TICK_S)) - 1.0);
+    brake.min(left / TICK_S)
+}
+
 impl Ramp {
     /// At rest.
     pub const fn at(position: f32) -> Self {
@@ -20,10 +27,8 @@ impl Ramp {
     /// One tick towards `target`, at most `speed_limit`, changing speed by at most `acceleration`.
     pub fn step(&mut self, target: f32, speed_limit: f32, acceleration: f32) {
         let left = target - self.position;
-        // Largest whole-tick speed from which the ramp still stops at the target: v²/2a + v·dt/2 = |left|.
         let unit = acceleration * TICK_S;
-        let brake = 0.5 * unit * (libm::sqrtf(1.0 + 8.0 * left.abs() / (unit * TICK_S)) - 1.0);
-        let wanted = libm::copysignf(brake.min(speed_limit).min(left.abs() / TICK_S), left);
+        let wanted = libm::copysignf(braking_speed(left.abs(), acceleration).min(speed_limit), left);
         self.speed += (wanted - self.speed).clamp(-unit, unit);
         self.position += self.speed * TICK_S;
         if (target - self.position).abs() <= 1e-6 * unit * TICK_S + f32::EPSILON * target.abs()

@@ -8,6 +8,7 @@ mod faults;
 mod fixture;
 mod friction_compensation;
 mod homing;
+mod load_state;
 mod mechanism;
 mod move_check;
 mod moves;
