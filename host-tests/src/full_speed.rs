@@ -21,8 +21,9 @@ const STEP_MOVES: usize = 34;
 const STEP_TICKS: [u32; 5] = [10, 40, 80, 120, 180];
 /// A way that begins farther than this from its place is another one (m).
 const AWAY_M: f64 = 1e-3;
-/// Rest before each way (s).
+/// Rest before each way (s), and how long the load is watched after it: it may have changed as late as the end of the move.
 const REST_S: f64 = 2.0;
+const WATCHED_S: f64 = 3.0;
 
 /// Up and down under every load on one rig.
 pub fn all(subject: &Subject, threads: usize) -> Vec<Outcome> {
@@ -91,7 +92,7 @@ fn go(bench: &mut ControlBench, target_m: f32, step: Option<(u32, f64)>, what: S
         }
     }
     watch(bench, 20.0, true);
-    watch(bench, 1.5, false);
+    watch(bench, WATCHED_S, false);
     let failed = bench.control.state() != State::Holding;
     let failure = failed.then(|| format!("{:?} {}", bench.control.state(), bench.control.faults()));
     as_the_sensor_has_it(&mut errors_m, &shown_m);
