@@ -9,7 +9,7 @@ use super::homing::Priors;
 use super::{Part, RigErrors, SESSION_S, SPEED_M_PER_S};
 use rig_config::Scene;
 use rig_control::TICK_S;
-use rig_control::homing::LOAD_SPEED;
+use rig_control::homing;
 use rig_control::homing::load_estimate::MIN_GAP_ERROR_M;
 use rig_control::limits::rise_s;
 use rig_control::position_loop::BANDWIDTH_PER_S;
@@ -176,7 +176,7 @@ impl Effects<'_> {
         let more = self.rig.size(PlantKey::StictionRatio);
         let vs = self.rig.size(PlantKey::StribeckSpeed);
         let falls = |v: f64| if vs > 0.0 { (-(v / vs).powi(2)).exp() } else { 0.0 };
-        let homing_rad_per_s = f64::from(0.5 * (LOAD_SPEED[0] + LOAD_SPEED[1]));
+        let homing_rad_per_s = f64::from(homing::SPEED);
         Direct {
             part: Part::Friction,
             position_m: self.column.each(|s| {

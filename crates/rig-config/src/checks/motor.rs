@@ -3,16 +3,13 @@
 use super::Verdict::{self, Fits, Impossible, Unusual};
 use super::{States, short};
 use crate::Scene;
-use rig_control::homing::SPEED_FRACTION;
+use rig_control::homing::{LOAD_TURNS, SPEED, SPEED_FRACTION, SWEEP_HALF, TIME_OUT_S};
 use std::f64::consts::{PI, TAU};
 
 /// Fraction of the current above which almost nothing remains for friction and acceleration (rig-control, `limits`).
 const HOLDING_FRACTION: f64 = 0.9;
-/// Time (s) that homing is given, turns from which it is tried at most, and turns over which it weighs (rig-control,
-/// `homing`).
-const HOMING_S: f64 = 42.0;
+/// Turns from which homing is tried at most (rig-control, `homing`).
 const HOMED_TURNS: f64 = 12.0;
-const WEIGHED_TURNS: f64 = 6.0;
 /// Longest time (s) for the way between the ends of the envelope.
 const WAY_S: f64 = 180.0;
 
@@ -100,23 +97,15 @@ fn planned_rad_per_s(s: &Scene) -> f64 {
     f64::from(SPEED_FRACTION) * s.rig.motor_speed_max_rad_per_s / s.rig.gear()
 }
 
-/// Time (s) that homing from the envelope's last turn takes, with 1 to 2 s more than the emulated rig took where the
-/// motor is slow. Its numbers are rig-control's, `homing`: two sweeps across zero twist, there and back the whole way,
-/// and the rests and the probe.
+/// Time (s) that homing takes from some turns, with 1 to 2 s more than the emulated rig took where the motor is slow: to zero twist
+/// and past it, two sweeps across it, to the half-turn pre-twist, up and down over the weighed turns; and the rests and the
+/// probe.
 fn homing_s(from_turns: f64, weighed_turns: f64, max_rad_per_s: f64) -> f64 {
     const RESTS_S: f64 = 3.0;
-    const SWEEPS_S: f64 = 12.0 / 2.5;
-    const SEEK_RAD_PER_S: f64 = 8.0;
-    const LIFT_RAD_PER_S: f64 = 6.2;
-    // From 3.4 at the middle to 6.2 rad/s at the ends: this on average.
-    const LOAD_RAD_PER_S: f64 = 4.66;
-    let seek = PI + TAU * from_turns + 6.0;
-    let there_and_back = 2.0 * TAU * weighed_turns;
-    RESTS_S
-        + SWEEPS_S
-        + seek / max_rad_per_s.min(SEEK_RAD_PER_S)
-        + (3.0 + PI) / max_rad_per_s.min(LIFT_RAD_PER_S)
-        + there_and_back / max_rad_per_s.min(LOAD_RAD_PER_S)
+    let sweep_half = f64::from(SWEEP_HALF);
+    let seek_rad = PI + TAU * from_turns + sweep_half;
+    let way_rad = seek_rad + 4.0 * sweep_half + (sweep_half + PI) + 2.0 * TAU * weighed_turns;
+    RESTS_S + way_rad / max_rad_per_s.min(SPEED.into())
 }
 
 pub(super) fn speed_covers_the_turns(s: &Scene, states: &States) -> Verdict {
@@ -133,10 +122,10 @@ pub(super) fn speed_covers_the_turns(s: &Scene, states: &States) -> Verdict {
         ))
     };
     let [first, last] = states.turns;
-    let home_s = homing_s(last.min(HOMED_TURNS), (last - first).min(WEIGHED_TURNS), speed);
+    let home_s = homing_s(last.min(HOMED_TURNS), (last - first).min(LOAD_TURNS.into()), speed);
     let way_s = (last - first) * TAU / speed;
-    if home_s > HOMING_S {
-        turning(format!("homing from {} turns", short(last.min(HOMED_TURNS))), home_s, HOMING_S)
+    if home_s > TIME_OUT_S.into() {
+        turning(format!("homing from {} turns", short(last.min(HOMED_TURNS))), home_s, TIME_OUT_S.into())
     } else if way_s > WAY_S {
         turning(format!("the way of {} turns", short(last - first)), way_s, WAY_S)
     } else {

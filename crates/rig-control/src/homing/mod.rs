@@ -34,22 +34,19 @@ use tsa_table::Table;
 const SMOOTHING: f32 = 0.25;
 /// A load that still oscillates after this time (s) is homed all the same; the result is judged at the end.
 const QUIET_PATIENCE_S: f32 = 10.0;
-/// Speed of the probe (rad/s).
-const PROBE_SPEED: f32 = 1.5;
 /// Change of the gap (m) that decides the probe: several times what rail friction can hold back.
 const PROBE_CHANGE_M: f32 = 0.25e-3;
-/// Longest probe (rad), and its first part, after which it goes on faster. Rail friction holds the load over several radians:
-/// 0.1 N under 0.5 N highly twisted for 6 rad, and 1 N under 15 N from one side of zero twist to the other. Against a jammed load the
-/// whole probe adds some 8 N. A gap that does not rise over so long a turn of the search for its maximum is that of a jammed load.
+/// Longest probe (rad). Rail friction holds the load over several radians: 0.1 N under 0.5 N highly twisted for 6 rad, and 1 N under
+/// 15 N from one side of zero twist to the other. Against a jammed load the whole probe adds some 8 N. A gap that does not rise over
+/// so long a turn of the search for its maximum is that of a jammed load.
 const PROBE_TRAVEL: f32 = 18.0;
-const PROBE_SLOW: f32 = 7.0;
-/// Fraction of the motor's speed that is used.
+/// Speed of all of it (rad/s): slow enough that the load follows without oscillating.
+pub const SPEED: f32 = 6.5;
+/// Fraction of the motor's speed that is used where that is less.
 pub const SPEED_FRACTION: f32 = 0.9;
-/// A shaft that is this far (rad) behind its set-point stands against fully closed strings: more than any drive lags at the
-/// probe's speed, and little enough to turn back before the drive takes it for a stall and drops the load.
+/// A shaft that is this far (rad) behind its set-point stands against fully closed strings: more than any drive lags at this
+/// speed, and little enough to turn back before the drive takes it for a stall and drops the load.
 const PROBE_BEHIND: f32 = 0.5;
-/// Speed towards the maximum (rad/s).
-const SEEK_SPEED: f32 = 8.0;
 /// Fall from the maximum gap (m) that shows that the maximum has been passed.
 const SEEK_FALL_M: f32 = 0.6e-3;
 /// Fall before such a rise (m) that shows that this is not the way to zero twist: more of it would close the strings.
@@ -64,24 +61,18 @@ const RISE_GROWTH: f32 = 1.3;
 const SEEK_TRAVEL: f32 = 12.0 * TAU + PROBE_TRAVEL;
 /// Half the width of the sweeps across the maximum (rad).
 pub const SWEEP_HALF: f32 = 5.0;
-/// Speed of these sweeps (rad/s): slow enough that the load follows without oscillating.
-pub const SWEEP_SPEED: f32 = 3.4;
 /// Turns past the half-turn pre-twist that the load is weighed over.
 pub const LOAD_TURNS: f32 = 6.0;
-/// Speeds of weighing (rad/s), at the middle of the sweep and at its ends. The speed varies, in both directions alike, so
-/// that the quantization of the drive's speed averages out: at one speed it beats with the period of the commands.
-pub const LOAD_SPEED: [f32; 2] = [SWEEP_SPEED, 6.2];
 /// Acceleration of all of it, and of a jog (rad/s²).
 pub(crate) const ACCELERATION: f32 = 25.0;
 /// Rest before the sweeps across the maximum, before weighing and before the reference is taken (s), for the load to stop
-/// oscillating, and how long the reference is averaged over (s).
+/// oscillating; and how long the reference is averaged over.
 const REST_S: f32 = 0.5;
-const REFERENCE_S: f32 = 0.4;
 /// How far (m) the load may hang from its place by the sweeps, friction aside: swinging and creep make less, a string that
 /// slips in its clamp makes more.
 const SHIFTED_M: f32 = 0.6e-3;
 /// Longest homing (s), start-up of the drive not counted.
-const TIME_OUT_S: f32 = 42.0;
+pub const TIME_OUT_S: f32 = 42.0;
 
 /// Half the width of the interval that holds the truth in 90 of 100 cases, over the standard error.
 pub const NINETY_PERCENT: f32 = 1.645;
@@ -257,7 +248,7 @@ impl Homing {
         }
         self.smooth_gap_m += SMOOTHING * (inputs.gap_m - self.smooth_gap_m);
         let limits = TwistLimits {
-            speed: SPEED_FRACTION * rig.twist_speed_max(),
+            speed: SPEED.min(SPEED_FRACTION * rig.twist_speed_max()),
             acceleration: ACCELERATION.min(rig.twist_acceleration_max()),
         };
         let next = match self.phase {
@@ -298,9 +289,7 @@ impl Homing {
         limits: &TwistLimits,
     ) -> Result<Phase, HomingFailure> {
         let goal = start_rad + PROBE_TRAVEL;
-        let slow = (self.ramp.position - start_rad).abs() < PROBE_SLOW;
-        let speed = if slow { PROBE_SPEED } else { SWEEP_SPEED.min(limits.speed) };
-        self.ramp.step(goal, speed, limits.acceleration);
+        self.ramp.step(goal, limits.speed, limits.acceleration);
         let change = self.smooth_gap_m - gap_m;
         let ended = self.ramp == Ramp::at(goal);
         let closed = self.ramp.position - shaft_rad > PROBE_BEHIND;
@@ -323,7 +312,7 @@ impl Homing {
     }
 
     fn seek(&mut self, mut seek: Seek, shaft_rad: f32, limits: &TwistLimits) -> Result<Phase, HomingFailure> {
-        self.ramp.step(seek.goal_rad, SEEK_SPEED.min(limits.speed), limits.acceleration);
+        self.ramp.step(seek.goal_rad, limits.speed, limits.acceleration);
         // The probe may have left the motor going the other way: only what lies ahead counts.
         let ahead = (shaft_rad - seek.start_rad) * self.direction > -0.05;
         seek.low_m = seek.low_m.map(|low_m| low_m.min(self.smooth_gap_m));
@@ -354,15 +343,15 @@ impl Homing {
     }
 
     /// Runs the ramp to `goal` and counts ticks of rest there.
-    fn rest_at(&mut self, goal: f32, speed: f32, limits: &TwistLimits, ticks: u16) -> u16 {
-        self.ramp.step(goal, speed.min(limits.speed), limits.acceleration);
+    fn rest_at(&mut self, goal: f32, limits: &TwistLimits, ticks: u16) -> u16 {
+        self.ramp.step(goal, limits.speed, limits.acceleration);
         if self.ramp == Ramp::at(goal) { ticks + 1 } else { 0 }
     }
 
     fn rest_before_centre(&mut self, ticks: u16, limits: &TwistLimits) -> Phase {
         // From the far side, where the seek came to rest, so that nothing is travelled twice.
         let goal = self.zero_rad + self.direction * SWEEP_HALF;
-        let ticks = self.rest_at(goal, SEEK_SPEED, limits, ticks);
+        let ticks = self.rest_at(goal, limits, ticks);
         if f32::from(ticks) * TICK_S < REST_S {
             return Phase::CentreRest { ticks };
         }
@@ -374,7 +363,7 @@ impl Homing {
         // First pass away from the seek's side, second pass back.
         let side = if self.centre.sweeps.pass == 0 { -self.direction } else { self.direction };
         let goal = self.centre.middle_rad + side * SWEEP_HALF;
-        self.ramp.step(goal, SWEEP_SPEED, limits.acceleration);
+        self.ramp.step(goal, limits.speed, limits.acceleration);
         self.centre.record(inputs.shaft_at_gap_rad, inputs.gap_m);
         if self.ramp == Ramp::at(goal) && self.centre.sweeps.end_pass() {
             (self.zero_rad, self.zero_error_rad) = self.centre.solve()?;
@@ -384,7 +373,7 @@ impl Homing {
     }
 
     fn rest_before_weigh(&mut self, ticks: u16, limits: &TwistLimits) -> Phase {
-        let ticks = self.rest_at(self.zero_rad + PI, LOAD_SPEED[1], limits, ticks);
+        let ticks = self.rest_at(self.zero_rad + PI, limits, ticks);
         let rested = f32::from(ticks) * TICK_S >= REST_S;
         if rested { Phase::LoadEstimate } else { Phase::LoadRest { ticks } }
     }
@@ -399,10 +388,8 @@ impl Homing {
         let start = self.zero_rad + PI;
         let travel = (TAU * LOAD_TURNS).min(table.metadata.twist_max_rad - table.metadata.twist_min_rad);
         let goal = if self.load_estimate.sweeps.pass == 0 { start + travel } else { start };
-        let off_middle = ((self.ramp.position - start) / travel * 2.0 - 1.0).abs();
-        let speed = (LOAD_SPEED[0] + (LOAD_SPEED[1] - LOAD_SPEED[0]) * off_middle).min(limits.speed);
-        self.ramp.step(goal, speed, limits.acceleration);
-        if self.ramp.speed.abs() > 0.8 * speed {
+        self.ramp.step(goal, limits.speed, limits.acceleration);
+        if self.ramp.speed.abs() > 0.8 * limits.speed {
             self.lag_sum_s += (self.ramp.position - inputs.shaft_rad) / self.ramp.speed;
             self.lag_count += 1;
             self.stick_slip.add(inputs.gap_m);
@@ -426,12 +413,12 @@ impl Homing {
         gap_m: f32,
         limits: &TwistLimits,
     ) -> Result<Phase, HomingFailure> {
-        let ticks = self.rest_at(self.zero_rad + PI, SWEEP_SPEED, limits, ticks);
+        let ticks = self.rest_at(self.zero_rad + PI, limits, ticks);
         let fitted = self.load_estimate.fit_step(table)?;
         if f32::from(ticks) * TICK_S > REST_S {
             rest.add(gap_m);
         }
-        let averaged = f32::from(ticks) * TICK_S > REST_S + REFERENCE_S;
+        let averaged = f32::from(ticks) * TICK_S > 2.0 * REST_S;
         let Some(w) = fitted.filter(|_| averaged && rest.count > 0.0) else {
             return Ok(Phase::Settle { ticks, rest });
         };

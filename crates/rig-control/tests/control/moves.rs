@@ -364,7 +364,7 @@ fn a_load_that_sticks_is_brought_nearer_by_coming_again() {
     bench.while_in(State::Boot);
     bench.begin(Request::HOME);
     // Before the load is weighed.
-    bench.run(1250);
+    bench.run(900);
     bench.stiction_n = 0.12;
     bench.while_in(State::Homing);
     let found = bench.rig.homed().expect("homed").found;
