@@ -7,6 +7,7 @@ use crate::study::{Rigs, Study, each};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use rig_control::TICK_S;
+use rig_control::observer::TRAVEL_M;
 use rig_link::messages::{Doubts, Fault, LoadChoice, Request, State};
 use rig_plant::units::STANDARD_GRAVITY;
 use rig_plant::{RigFault, RigPreset, Truth};
@@ -26,6 +27,8 @@ const WRONG_S: f64 = 1.0;
 const TURNED_RAD: f64 = 0.3;
 /// How far the load must truly be behind its set-point (m) for that to be a fault, at some time in the last second.
 const BEHIND_M: f64 = 2e-3;
+/// Travel (m) after which a load shows what it weighs: twice that over which the board's estimate follows it.
+const MOVED_M: f64 = 2.0 * TRAVEL_M as f64;
 /// Faults that come and go, with how long they last (s).
 const FAULTS: [(RigFault, f64); 11] = [
     (RigFault::StringSlip, 0.0),
@@ -53,8 +56,8 @@ struct Scenario {
     behind_s: f64,
     /// Stated error of the load when it was last known (N).
     load_error_n: f64,
-    /// The load was changed and has not been moved since: friction hides a change of up to twice its size.
-    changed_at_rest: bool,
+    /// Gap (m) at which the load was changed, until it has moved from there: friction hides a change of up to twice its size.
+    changed_at_m: Option<f64>,
     /// Somebody changed the load while it was homed: the change looks like friction, until the next homing.
     homed_changing: bool,
     /// A string that has slipped looks like another load, also to a homing (docs/explanation/how-it-works.md).
@@ -91,7 +94,7 @@ impl Scenario {
             wrong_s: [None; 2],
             behind_s: f64::NEG_INFINITY,
             load_error_n: 0.0,
-            changed_at_rest: false,
+            changed_at_m: None,
             homed_changing: false,
             has_slipped: false,
             fault: None,
@@ -110,9 +113,9 @@ impl Scenario {
             .zip(telemetry.load_error_n)
             .filter(|_| telemetry.doubts == Doubts::NONE && !self.has_slipped && !self.homed_changing);
         let position = telemetry.position_m.zip(telemetry.position_error_m);
-        self.changed_at_rest &= telemetry.state != State::Moving;
+        self.changed_at_m = self.changed_at_m.filter(|gap_m| (truth.gap_m - gap_m).abs() < MOVED_M);
         let friction_n = self.bench.control.homed().map_or(0.0, |homed| f64::from(homed.found.friction_n));
-        let hidden_n = if self.changed_at_rest { 2.0 * friction_n } else { 0.0 };
+        let hidden_n = if self.changed_at_m.is_some() { 2.0 * friction_n } else { 0.0 };
         let beliefs =
             [("load", load, truth.load_n, hidden_n), ("position", position, self.bench.true_position_m(), 0.0)];
         for (k, (what, said, is, hidden)) in beliefs.into_iter().enumerate() {
@@ -193,7 +196,7 @@ impl Scenario {
             self.load_kg += if slowly { (to_kg - self.load_kg).clamp(-0.01, 0.01) } else { to_kg - self.load_kg };
             self.bench.rig.set_plant("load", &format!("{}kg", self.load_kg)).expect("a load");
             self.disturbed_s = self.bench.time_s();
-            self.changed_at_rest = true;
+            self.changed_at_m = Some(self.bench.truth().gap_m);
             self.run(0.05);
         }
     }
@@ -365,6 +368,17 @@ mod tests {
         assert_eq!(study.values["wrong"], 0.0, "{study}");
         assert!(study.notes[1].contains("five seconds before"), "no fault was raised: {study}");
     }
+
+    #[test]
+    fn friction_hides_a_change_until_the_load_has_moved() {
+        let mut scenario = Scenario::new(RigPreset::Ideal, 1, 0.5);
+        scenario.hang(0.51, false);
+        assert!(scenario.changed_at_m.is_some(), "5 g are hardly seen on these strings");
+        scenario.hang(1.5, false);
+        scenario.run(2.0);
+        assert_eq!(scenario.changed_at_m, None, "they stretch");
+    }
+
     #[test]
     fn a_fault_has_the_cause_that_explains_it_and_else_none() {
         let mut scenario = Scenario::new(RigPreset::Ideal, 1, 0.5);
