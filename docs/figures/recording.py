@@ -133,7 +133,7 @@ def homing(rigctl: str, rows: list[dict[str, str]], events: dict[str, float], no
     phases = [
         ("direction", "check", start),
         ("probe,", "seek", begin),
-        ("centre: sweep across", "zero twist and back", trough),
+        ("centre: across", "zero and back", trough),
         ("to the", "pre-twist", lowest),
         ("six turns up:", "estimate the load", up),
         ("six turns down:", "friction of the rail", peak),
