@@ -1,11 +1,5 @@
-//! The settings' record in flash.
+//! The settings' record in flash: [`Record`] in postcard's format, and its witness, which is the generation as u32 LE.
 //!
-//! ```text
-//! settings:  version 2 | generation u32 LE
-//!            | gear ratio, counts per rad, LVDT's gap at code 0 (m), LVDT's metres per code: f32 LE
-//!            | for each that is not at its default: code u8, value f32 LE
-//! witness:   generation u32 LE
-//! ```
 //! The store checks every record and skips a damaged one, so that it then returns an older record of the same key, with
 //! calibration numbers that are out of date, or none. The witness shows this: it is written after the settings, so it is
 //! the newer one of the two only if the settings are damaged.
@@ -14,32 +8,32 @@
 //! not depend on those that differ, and reports the others ([`Kept::Partly`]); the record stays as it is until the settings
 //! are changed. A record of another version counts as damaged.
 //!
-//! A setting that a record does not have is at its default, and an unknown one is ignored. The points of the LVDT's
-//! calibration are entries of their own, so that records of firmware without them are read, and the other way round.
+//! A setting that a record does not have is at its default, and an unknown one is ignored, so that firmware that knows other
+//! settings reads it.
 
 use super::{corrected, defaults};
 use crate::RigConstants;
 use heapless::Vec;
-use rig_link::messages::{CorrectedConstants, Dropped, Kept, LVDT_POINTS_MAX, LvdtCurve, Setting, SettingValues};
+use rig_link::messages::{CorrectedConstants, Dropped, Kept, LvdtCurve, Setting, SettingValues};
+use serde::{Deserialize, Serialize};
 
 /// Version of the record.
-const VERSION: u8 = 2;
-/// Bytes of the constants in a record.
-const CONSTANTS: usize = 16;
-const HEAD: usize = 5 + CONSTANTS;
-const ENTRY: usize = 5;
-/// Longest record that is read (bytes): another firmware's may have more settings than ours.
-pub const RECORD_MAX: usize = HEAD + 50 * ENTRY;
-/// Code of the first entry of the LVDT's calibration: for each point its reading and its correction; then, behind the room
-/// for 11 points, the stated error.
-const CURVE: u8 = 200;
-const CURVE_ERROR: u8 = CURVE + 2 * LVDT_POINTS_MAX as u8;
-/// Maximum bytes of our own record.
-const RECORD: usize = HEAD + (Setting::ALL.len() + 2 * LVDT_POINTS_MAX + 1) * ENTRY;
+const VERSION: u8 = 3;
+/// Most settings of a record that is read: another firmware may have more of them.
+const SETTINGS_MAX: usize = 50;
+/// Maximum bytes of a record: a setting takes 5 of them, and the rest, with all points of the LVDT, 117.
+pub const RECORD_MAX: usize = 117 + 5 * SETTINGS_MAX;
 
-fn numbers(constants: &CorrectedConstants) -> [f32; CONSTANTS / 4] {
-    let CorrectedConstants { gear_ratio, counts_per_rad, lvdt_gap_at_code_zero_m, lvdt_metres_per_code } = *constants;
-    [gear_ratio, counts_per_rad, lvdt_gap_at_code_zero_m, lvdt_metres_per_code]
+/// What flash holds.
+#[derive(Serialize, Deserialize)]
+struct Record {
+    version: u8,
+    generation: u32,
+    /// Those for which the settings were made.
+    constants: CorrectedConstants,
+    /// Code and value of each setting that is not at its default.
+    set: Vec<(u8, f32), SETTINGS_MAX>,
+    lvdt_curve: Option<LvdtCurve>,
 }
 
 /// The settings that flash had.
@@ -58,20 +52,21 @@ pub struct Loaded {
 }
 
 /// The record of values, for a rig with these constants, in a generation.
-pub fn write(values: &SettingValues, rig: &RigConstants, generation: u32) -> Vec<u8, RECORD> {
-    let curve = values.lvdt_curve.iter().flat_map(|curve| {
-        let numbers = (CURVE..).zip(curve.points().iter().flatten().copied());
-        numbers.chain([(CURVE_ERROR, curve.error_m())])
-    });
+pub fn write(values: &SettingValues, rig: &RigConstants, generation: u32) -> Vec<u8, RECORD_MAX> {
     let defaults = defaults(rig);
     let set = values.iter().filter(|(setting, value)| *value != defaults.get(*setting));
-    let entries = set.map(|(setting, value)| (setting.code(), value)).chain(curve);
-    [VERSION]
-        .into_iter()
-        .chain(generation.to_le_bytes())
-        .chain(numbers(&corrected(rig)).into_iter().flat_map(f32::to_le_bytes))
-        .chain(entries.flat_map(|(code, value)| [code].into_iter().chain(value.to_le_bytes())))
-        .collect()
+    bytes(&Record {
+        version: VERSION,
+        generation,
+        constants: corrected(rig),
+        set: set.map(|(setting, value)| (setting.code(), value)).collect(),
+        lvdt_curve: values.lvdt_curve,
+    })
+}
+
+fn bytes(record: &Record) -> Vec<u8, RECORD_MAX> {
+    // There is room for every record, so this cannot fail.
+    postcard::to_extend(record, Vec::new()).unwrap_or_default()
 }
 
 /// The record of a witness.
@@ -79,65 +74,23 @@ pub fn write_witness(generation: u32) -> [u8; 4] {
     generation.to_le_bytes()
 }
 
-fn number(bytes: &[u8]) -> Option<u32> {
-    bytes.try_into().ok().map(u32::from_le_bytes)
-}
-
-/// What a record holds for this rig.
-struct Record {
-    generation: u32,
-    values: SettingValues,
-    dropped: Dropped,
-}
-
-/// Reads a record; `None` if it is not one of ours, or if the settings in it cannot be told apart.
-fn parse(record: &[u8], rig: &RigConstants) -> Option<Record> {
-    let rest = record.strip_prefix(&[VERSION])?;
-    let (generation, rest) = rest.split_first_chunk()?;
-    let (constants, entries) = rest.split_at_checked(CONSTANTS)?;
-    let mut constants = constants.as_chunks().0.iter().map(|bytes| f32::from_le_bytes(*bytes));
-    let from = CorrectedConstants {
-        gear_ratio: constants.next()?,
-        counts_per_rad: constants.next()?,
-        lvdt_gap_at_code_zero_m: constants.next()?,
-        lvdt_metres_per_code: constants.next()?,
-    };
-    let defaults = defaults(rig);
-    let values = parse_entries(entries, &defaults)?;
-    let (values, dropped) = values.carried_over(&from, &corrected(rig), &defaults, &defaults);
-    Some(Record { generation: u32::from_le_bytes(*generation), values, dropped })
-}
-
-/// The values of entries. The numbers are not checked; `None` if an entry or the LVDT's curve is not whole.
-fn parse_entries(entries: &[u8], defaults: &SettingValues) -> Option<SettingValues> {
-    let (entries, rest) = entries.as_chunks::<ENTRY>();
-    if !rest.is_empty() {
+/// Generation, values and the settings that are not used, of a record on this rig; `None` if it is not one of ours.
+fn parse(record: &[u8], rig: &RigConstants) -> Option<(u32, SettingValues, Dropped)> {
+    let Record { version, generation, constants, set, lvdt_curve } = postcard::from_bytes(record).ok()?;
+    if version != VERSION || lvdt_curve.is_some_and(|curve| curve.check().is_err()) {
         return None;
     }
-    let mut values = *defaults;
-    let mut curve = Vec::<f32, { 2 * LVDT_POINTS_MAX }>::new();
-    let mut curve_error_m = None;
-    for entry in entries {
-        let value = f32::from_bits(number(&entry[1..])?);
-        match (entry[0], Setting::from_code(entry[0])) {
-            (_, Some(setting)) => values = values.with(setting, value),
-            (CURVE_ERROR, None) => curve_error_m = Some(value),
-            // Its numbers stand in their order; a record where they do not is damaged.
-            (code @ CURVE..CURVE_ERROR, None) if usize::from(code - CURVE) == curve.len() => curve.push(value).ok()?,
-            (CURVE..CURVE_ERROR, None) => return None,
-            _ => {}
-        }
-    }
-    if !curve.is_empty() || curve_error_m.is_some() {
-        let (points, rest) = curve.as_chunks();
-        values.lvdt_curve = Some(LvdtCurve::new(points, curve_error_m.filter(|_| rest.is_empty())?).ok()?);
-    }
-    Some(values)
+    let defaults = defaults(rig);
+    let known = set.iter().filter_map(|(code, value)| Some((Setting::from_code(*code)?, *value)));
+    let values =
+        known.fold(SettingValues { lvdt_curve, ..defaults }, |values, (setting, value)| values.with(setting, value));
+    let (values, dropped) = values.carried_over(&constants, &corrected(rig), &defaults, &defaults);
+    Some((generation, values, dropped))
 }
 
 /// The settings to use on a rig with these constants, from both records. `None` is a record that is missing or damaged.
 pub fn read(record: Option<&[u8]>, witness: Option<&[u8]>, rig: &RigConstants) -> Loaded {
-    let witness = witness.and_then(number);
+    let witness = witness.and_then(|bytes| bytes.try_into().ok()).map(u32::from_le_bytes);
     let newest = witness.unwrap_or(0);
     let without = |kept, generation| Loaded {
         values: defaults(rig),
@@ -148,12 +101,12 @@ pub fn read(record: Option<&[u8]>, witness: Option<&[u8]>, rig: &RigConstants) -
     };
     match (record.map(|record| parse(record, rig)), witness) {
         (None, None) => without(Kept::Nothing, 0),
-        (Some(Some(Record { generation, values, dropped })), _) if generation >= newest => {
+        (Some(Some((generation, values, dropped))), _) if generation >= newest => {
             let kept = if dropped.is_empty() { Kept::These } else { Kept::Partly };
             Loaded { values, kept, dropped, generation, witness_behind: witness != Some(generation) }
         }
         // An older record, none, or one that is not for this rig.
-        (record, _) => without(Kept::Damaged, newest.max(record.flatten().map_or(0, |record| record.generation))),
+        (record, _) => without(Kept::Damaged, newest.max(record.flatten().map_or(0, |(generation, ..)| generation))),
     }
 }
 
@@ -164,6 +117,13 @@ mod tests {
     use crate::constants::tests::RIG;
     use crate::settings::apply;
     use proptest::prelude::*;
+    use rig_link::messages::LVDT_POINTS_MAX;
+
+    /// A record of settings alone.
+    fn record_of(set: impl IntoIterator<Item = (u8, f32)>, generation: u32, rig: &RigConstants) -> Vec<u8, RECORD_MAX> {
+        let set = set.into_iter().collect();
+        bytes(&Record { version: VERSION, generation, constants: corrected(rig), set, lvdt_curve: None })
+    }
 
     /// Values that are allowed.
     fn values() -> impl Strategy<Value = SettingValues> {
@@ -206,8 +166,7 @@ mod tests {
         #[test]
         fn any_entries_give_allowed_values(entries in prop::collection::vec((0..12u8, prop::num::f32::ANY), 0..12), same: bool) {
             let rig = if same { RIG } else { RigConstants { gear_ratio: 53.0, lvdt_metres_per_code: 5e-5, ..RIG } };
-            let mut record = write(&defaults(&rig), &rig, 7).to_vec();
-            entries.iter().for_each(|(code, value)| record.extend([*code].into_iter().chain(value.to_le_bytes())));
+            let record = record_of(entries.iter().copied(), 7, &rig);
             let loaded = read(Some(&record), Some(&write_witness(7)), &RIG);
             prop_assert!(loaded.values.check(&defaults(&RIG)).is_ok());
             prop_assert_eq!(loaded.kept, if loaded.dropped.is_empty() { Kept::These } else { Kept::Partly });
@@ -238,9 +197,10 @@ mod tests {
             let written: std::vec::Vec<Setting> =
                 values.iter().filter(|(s, value)| *value != defaults(&RIG).get(*s)).map(|(setting, _)| setting).collect();
             let both = &written[..keep.min(written.len())];
-            let mut record = write(&values, &RIG, 3)[..HEAD + both.len() * ENTRY].to_vec();
-            (0..more).for_each(|k| record.extend([100 + k, 1, 2, 3, 4]));
-            prop_assert!(record.len() <= RECORD_MAX);
+            let known = both.iter().map(|setting| (setting.code(), values.get(*setting)));
+            let mut record = record_of(known.chain((0..more).map(|k| (100 + k, 1.5))), 3, &RIG).to_vec();
+            // What a later firmware appends.
+            record.extend(core::iter::repeat_n(1, more.into()));
             let loaded = read(Some(&record), Some(&write_witness(3)), &RIG);
             prop_assert_eq!(loaded.kept, Kept::These);
             for (setting, value) in loaded.values.iter() {
@@ -319,12 +279,21 @@ mod tests {
     }
 
     #[test]
+    fn there_is_room_for_the_largest_record() {
+        let points = core::array::from_fn(|k| [0.01 * k as f32, 0.0]);
+        let lvdt_curve = LvdtCurve::new(&points as &[_; LVDT_POINTS_MAX], 1e-5).ok();
+        let set = core::iter::repeat_n((255, 1.0), SETTINGS_MAX).collect();
+        let record = Record { version: VERSION, generation: u32::MAX, constants: corrected(&RIG), set, lvdt_curve };
+        assert_eq!(bytes(&record).len(), RECORD_MAX);
+    }
+
+    #[test]
     fn half_of_a_calibration_is_damage() {
         let lvdt_curve = LvdtCurve::new(&[[0.06, 1e-4], [0.07, 1e-4], [0.08, 0.0]], 2e-5).ok();
         let record = write(&SettingValues { lvdt_curve, ..defaults(&RIG) }, &RIG, 1);
-        for entries in 1..=6 {
-            let cut = &record[..record.len() - entries * ENTRY];
-            assert_eq!(read(Some(cut), Some(&write_witness(1)), &RIG).kept, Kept::Damaged, "{entries} less");
+        for cut in 1..record.len() {
+            let loaded = read(Some(&record[..record.len() - cut]), Some(&write_witness(1)), &RIG);
+            assert_eq!(loaded.kept, Kept::Damaged, "{cut} bytes less");
         }
     }
 }
