@@ -9,8 +9,9 @@
 //! measurement before and z = exp(−λ Δt) (docs/explanation/control.md 2):
 //! `G += (1 − z³) e`, `G' += (1.5 (1 − z²)(1 − z)/Δt − ω² Δt) e`, `W += m (1 − z)³/Δt² e`.
 
-use crate::TICK_S;
 use crate::mechanism::Mechanism;
+use crate::sensors::STALLED_US;
+use crate::{TICK_S, seconds};
 
 /// Decay λ of the observer's errors (1/s): slow enough for 10 ms of delay that is not known, and for the noise of the gap.
 pub const OBSERVER_PER_S: f32 = 65.0;
@@ -22,8 +23,6 @@ pub(crate) const STANDARD_GRAVITY_M_PER_S2: f32 = 9.806_65;
 pub const AHEAD_S: f32 = 0.5 * TICK_S + 4e-3;
 /// Minimum weight that a load seems to have, as a fraction of the table's lightest load: on the way down friction carries a part of it.
 const LIGHTEST_FRACTION: f32 = 0.3;
-/// Longest time between two measurements that are taken together (s).
-const LONGEST_STEP_S: f32 = 0.05;
 
 /// One measurement of the gap.
 #[derive(Clone, Copy, Debug)]
@@ -73,7 +72,7 @@ impl LoadMotion {
     /// Takes a measurement at a twist (rad).
     pub fn step(&mut self, mechanism: &Mechanism<'_>, twist_rad: f32, measured: &Measured) {
         let Measured { gap_m, step_s } = *measured;
-        if step_s > LONGEST_STEP_S {
+        if step_s > seconds(STALLED_US) {
             *self = Self::at_rest(mechanism, gap_m, twist_rad, self.weight_n);
         } else if step_s > 0.0 {
             *self = self.after(step_s, twist_rad);

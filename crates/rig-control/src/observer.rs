@@ -22,7 +22,8 @@ use tsa_table::{Point, Uncertainty};
 
 /// How long the estimate takes to follow (s): longer than an oscillation of the load, shorter than a step of it matters.
 const TIME_CONSTANT_S: f32 = 0.15;
-/// Travel (m) after which it follows when the load moves slowly.
+/// Travel (m) after which it follows when the load moves slowly. It is several times what rail friction can hold back, and what counts
+/// as travel elsewhere, too.
 pub const TRAVEL_M: f32 = 0.3e-3;
 /// Pull beyond the friction band that is no noise, as a fraction of the load, besides the motion that is no noise.
 const OUTSIDE_FRACTION: f32 = 0.01;

@@ -5,10 +5,9 @@
 //! stuck and slipped there, and is seen at rest: what it moves from one stand to another, past its target, without its strings having
 //! turned for it, is a jump.
 
+use crate::homing::NINETY_PERCENT;
 use crate::load_state::LoadState;
 
-/// Error below which a load at rest is left alone, over the noise of the gap.
-pub const AT_REST_NOISES: f32 = 1.7;
 /// Fraction of a jump below which an error is left alone.
 pub const JUMP_FRACTION: f32 = 0.55;
 /// Speed below which a load stands: least (m/s), and over the noise of the gap (1/s), two standard deviations of the observed
@@ -62,7 +61,7 @@ impl Rest {
 
     /// Error (m) below which a load at rest is left alone, with a noise of the gap in one tick (m, rms).
     pub fn left_alone_m(&self, noise_m: f32, jump_m: f32) -> f32 {
-        (AT_REST_NOISES * noise_m).max(self.tolerance_m(jump_m))
+        (NINETY_PERCENT * noise_m).max(self.tolerance_m(jump_m))
     }
 
     /// One tick; `done` when the set-point is at its target, and the error (m) of the load there.

@@ -75,7 +75,7 @@ const NOISE_LIMIT: f32 = 15.0;
 /// Blocks without any noise after which the signal is taken for frozen: 0.3 s, as each tick reads one.
 const FROZEN_BLOCKS: u32 = 30;
 /// Age (µs) at which blocks are taken to have stopped: eight block times.
-const STALLED_US: u64 = 50_000;
+pub(crate) const STALLED_US: u64 = 50_000;
 
 /// Age of a block's mean at the end of the block (s): half the block (256 samples in 6 ms) and the sensor's own first-order
 /// delay at 200 Hz (docs/reference/hardware.md 2.2, assumed).

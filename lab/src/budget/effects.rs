@@ -13,7 +13,7 @@ use rig_control::homing;
 use rig_control::homing::load_estimate::MIN_GAP_ERROR_M;
 use rig_control::limits::rise_s;
 use rig_control::position_loop::BANDWIDTH_PER_S;
-use rig_control::rest::{AT_REST_NOISES, JUMP_FRACTION};
+use rig_control::rest::JUMP_FRACTION;
 use rig_link::messages::LVDT_POINTS_MAX;
 use rig_plant::rig::effects::{
     CREEP_TIMES_S, LVDT_GAIN_PER_K, ROD_STRESS_PER_K, ROD_THRESHOLDS, RUN_IN_CYCLES, TURNS_PER_CYCLE, rod_onset,
@@ -196,7 +196,7 @@ impl Effects<'_> {
         let bandwidth = f64::from(BANDWIDTH_PER_S);
         let lag_s = LAG_TICKS * f64::from(TICK_S);
         let move_s = self.column.travel_m() / SPEED_M_PER_S;
-        let resting_m = f64::from(AT_REST_NOISES) * noise_m.max(f64::from(MIN_GAP_ERROR_M)) / 3f64.sqrt();
+        let resting_m = f64::from(homing::NINETY_PERCENT) * noise_m.max(f64::from(MIN_GAP_ERROR_M)) / 3f64.sqrt();
         let rise_s = |s: &State| f64::from(rise_s(s.load_n as f32, s.by_load as f32));
         // At both ends of a move it decays with the loop: the mean square of two exponentials.
         let moving_m = |s: &State| {

@@ -1,5 +1,6 @@
 //! The middle of an even curve, from two sweeps across it in opposite directions.
 
+use super::FALL_M;
 use super::sweeps::{Bin, Sweeps};
 use micromath::F32Ext;
 use rig_link::messages::HomingFailure;
@@ -8,8 +9,6 @@ use rig_link::messages::HomingFailure;
 const BINS: usize = 48;
 /// Levels whose midpoints are averaged.
 const LEVELS: usize = 16;
-/// Minimum height of the curve over its lower end (m) that counts as a maximum: a flat curve has no middle.
-const MIN_HEIGHT_M: f32 = 0.5e-3;
 /// Largest disagreement between the two directions, as a fraction of half the sweep: beyond it the load hardly follows.
 const LARGEST_SPLIT: f32 = 0.9;
 
@@ -68,7 +67,7 @@ fn middle_of_sweep(bins: &[Bin; BINS]) -> Result<(f32, f32), HomingFailure> {
         return Err(HomingFailure::NoPretwist);
     };
     let (top, floor) = (top.1, left.1.max(right.1));
-    if top - floor < MIN_HEIGHT_M {
+    if top - floor < FALL_M {
         return Err(HomingFailure::NoPretwist);
     }
     let (mut sum, mut squares, mut count) = (0.0, 0.0, 0u16);

@@ -20,6 +20,7 @@ mod sweeps;
 
 use crate::constants::TwistLimits;
 use crate::mechanism::Mechanism;
+use crate::observer::TRAVEL_M;
 use crate::ramp::Ramp;
 use crate::{RigConstants, TICK_S};
 use centre::Centre;
@@ -34,8 +35,6 @@ use tsa_table::Table;
 const SMOOTHING: f32 = 0.25;
 /// A load that still oscillates after this time (s) is homed all the same; the result is judged at the end.
 const QUIET_PATIENCE_S: f32 = 10.0;
-/// Change of the gap (m) that decides the probe: several times what rail friction can hold back.
-const PROBE_CHANGE_M: f32 = 0.25e-3;
 /// Longest probe (rad). Rail friction holds the load over several radians: 0.1 N under 0.5 N highly twisted for 6 rad, and 1 N under
 /// 15 N from one side of zero twist to the other. Against a jammed load the whole probe adds some 8 N. A gap that does not rise over
 /// so long a turn of the search for its maximum is that of a jammed load.
@@ -47,8 +46,9 @@ pub const SPEED_FRACTION: f32 = 0.9;
 /// A shaft that is this far (rad) behind its set-point stands against fully closed strings: more than any drive lags at this
 /// speed, and little enough to turn back before the drive takes it for a stall and drops the load.
 const PROBE_BEHIND: f32 = 0.5;
-/// Fall from the maximum gap (m) that shows that the maximum has been passed.
-const SEEK_FALL_M: f32 = 0.6e-3;
+/// Fall from the maximum gap (m) that shows that the maximum has been passed, and least height of the maximum that is swept across: a
+/// flat curve has no middle.
+const FALL_M: f32 = 0.5e-3;
 /// Fall before such a rise (m) that shows that this is not the way to zero twist: more of it would close the strings.
 const SEEK_ASTRAY_M: f32 = 3e-3;
 /// Turn (rad) over which the rise of the gap is measured, how often in a row it must have grown, and by how much in all, to show
@@ -297,7 +297,7 @@ impl Homing {
             // Only more twist meets such a resistance. From where the shaft is: the motor lets go at once.
             self.ramp = Ramp::at(shaft_rad);
         }
-        if closed || change.abs() > PROBE_CHANGE_M || (ended && change.abs() > 0.1 * PROBE_CHANGE_M) {
+        if closed || change.abs() > TRAVEL_M || (ended && change.abs() > 0.1 * TRAVEL_M) {
             self.direction = if closed { -1.0 } else { libm::copysignf(1.0, change) };
             return Ok(Phase::Seek(Seek {
                 start_rad: self.ramp.position,
@@ -318,7 +318,7 @@ impl Homing {
         seek.low_m = seek.low_m.map(|low_m| low_m.min(self.smooth_gap_m));
         // A light load that has just torn loose from friction goes up for a while when the motor has already turned back: no fall
         // counts before the gap has risen from its least.
-        let rises = seek.low_m.is_some_and(|low_m| self.smooth_gap_m - low_m > PROBE_CHANGE_M);
+        let rises = seek.low_m.is_some_and(|low_m| self.smooth_gap_m - low_m > TRAVEL_M);
         if rises {
             seek.low_m = None;
         }
@@ -330,7 +330,7 @@ impl Homing {
         }
         let fall_m = seek.top_m - self.smooth_gap_m;
         let turned = (shaft_rad - seek.start_rad).abs();
-        if seek.low_m.is_none() && fall_m > SEEK_FALL_M {
+        if seek.low_m.is_none() && fall_m > FALL_M {
             self.zero_rad = seek.top_rad;
             Ok(Phase::CentreRest { ticks: 0 })
         } else if seek.low_m.is_some() && (fall_m > SEEK_ASTRAY_M || turned > PROBE_TRAVEL) {

@@ -1,5 +1,6 @@
 //! A planned move of the load, and the hold after it: planner and position loop, tick by tick, and when a move is over.
 
+use super::guard::SHORT_TICKS;
 use super::{STANDING_TICKS, lasts, ticks};
 use crate::limits::Limits;
 use crate::load_state::LoadState;
@@ -20,8 +21,7 @@ const BACK_JUMPS: f32 = 2.0;
 /// distance (m) on it is slower, and from the second on it has the smallest fraction of the motor's speed.
 const BEHIND_M: [f32; 2] = [0.5e-3, 1.5e-3];
 const MIN_FRACTION: f32 = 0.05;
-/// Time within that error, and time at the end of the strings' travel, after which a move is over; longest wait for either.
-const ARRIVED_TICKS: u16 = ticks(30);
+/// Time at the end of the strings' travel after which a move is over; longest wait for that or for the load.
 const END_TICKS: u16 = ticks(100);
 const PATIENCE_TICKS: u16 = ticks(600);
 
@@ -238,7 +238,7 @@ impl Move {
         let left_m = self.control.position_loop.rest.left_alone_m(load.gap_noise_m, load.jump_m);
         let near_m = Self::arrived_m(load).max(if self.comes_again(load) { 0.0 } else { left_m });
         let near = !self.goes_back && error_m.abs() < near_m;
-        let arrived = lasts(&mut self.near_ticks, near, ARRIVED_TICKS);
+        let arrived = lasts(&mut self.near_ticks, near, SHORT_TICKS);
         let ended = lasts(&mut self.end_ticks, at_end, END_TICKS);
         self.rest_ticks += 1;
         arrived || ended || self.rest_ticks >= PATIENCE_TICKS

@@ -141,11 +141,11 @@ fn a_gap_that_is_no_mechanisms_is_refused_after_as_much_probing_and_searching_as
         (|_, _| 0.09, HomingFailure::NoPretwist, probe_s, 0.4),
         // A tenth of what decides is enough at the probe's end; then 18 rad without a rise are too many.
         (|shaft_rad, _| 0.09 + 1.2e-6 * shaft_rad, HomingFailure::NoPretwist, probe_s, 0.4),
-        (|shaft_rad, _| 0.09 + 1.6e-6 * shaft_rad, HomingFailure::NoPretwist, probe_s + 18.0 / SPEED, 0.8),
-        // No maximum: 2.6 rad of the probe, and 0.98 of 93.4 rad.
-        (|shaft_rad, _| 0.08 + 1e-4 * shaft_rad, HomingFailure::TravelEnd, 0.4 + (2.6 + 0.98 * 93.4) / SPEED, 0.4),
+        (|shaft_rad, _| 0.09 + 1.8e-6 * shaft_rad, HomingFailure::NoPretwist, probe_s + 18.0 / SPEED, 0.8),
+        // No maximum: 3.1 rad of the probe, and 0.98 of 93.4 rad.
+        (|shaft_rad, _| 0.08 + 1e-4 * shaft_rad, HomingFailure::TravelEnd, 0.4 + (3.1 + 0.98 * 93.4) / SPEED, 0.4),
         // A gap that falls whichever way the strings turn is never quiet: 10 s of patience, and 0.3 s until the probe has seen
-        // a quarter of a millimetre. Then it turns round, and 18 rad or 3 mm are enough.
+        // 0.3 mm. Then it turns round, and 18 rad or 3 mm are enough.
         (|_, seconds| 0.09 - 1e-3 * seconds, HomingFailure::NoPretwist, 10.0 + 0.3 + 18.0 / SPEED, 0.6),
         (|_, seconds| 0.09 - 2e-3 * seconds, HomingFailure::NoPretwist, 10.0 + 0.15 + 0.2 + 1.5, 0.2),
     ];

@@ -345,7 +345,7 @@ fn what_is_shown_of_motor_sensors_and_errors_is_what_is() {
     near(sensors.shaft_rad, shaft_rad, 1e-3);
     near(sensors.drive_rad.unwrap(), shaft_rad + 3000.0 / bench.constants.counts_per_rad, 1e-3);
     near(sensors.gap_m.unwrap(), bench.gap_m, 20e-6);
-    near(sensors.rest_tolerance_m.unwrap(), 1.7 * found.gap_noise_m, 1e-7);
+    near(sensors.rest_tolerance_m.unwrap(), 1.645 * found.gap_noise_m, 1e-7);
 }
 
 #[test]

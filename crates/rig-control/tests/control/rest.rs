@@ -2,8 +2,9 @@
 //! (docs/explanation/control.md 4).
 
 use crate::fixture::hanging;
+use rig_control::homing::NINETY_PERCENT;
 use rig_control::load_state::LoadState;
-use rig_control::rest::{AT_REST_NOISES, JUMP_FRACTION, Rest, Standing};
+use rig_control::rest::{JUMP_FRACTION, Rest, Standing};
 
 /// 10 N with 2 N of friction: a jump as long as friction over stiffness is some millimetres.
 fn load() -> LoadState<'static> {
@@ -43,7 +44,7 @@ fn noise_of_the_gap_widens_what_is_left_alone() {
     let mut load = load();
     for noise_m in [5e-6, 20e-6] {
         load.gap_noise_m = noise_m;
-        let least_m = AT_REST_NOISES * noise_m;
+        let least_m = NINETY_PERCENT * noise_m;
         assert_eq!(at(&mut Rest::default(), 0.98 * least_m, 20, &load), Standing::LeftAlone);
         assert!(matches!(at(&mut Rest::default(), 1.02 * least_m, 20, &load), Standing::Beside(_)));
     }
@@ -126,7 +127,7 @@ fn a_load_that_has_been_brought_to_its_target_between_its_ways_does_not_go_back_
         load.twist_rad += 2.0 * error_m * load.observation.point.tr_rad_per_m();
         at(&mut rest, 0.0, 40, &load);
     }
-    assert!(rest.tolerance_m(0.0) < AT_REST_NOISES * load.gap_noise_m, "{}", rest.tolerance_m(0.0));
+    assert!(rest.tolerance_m(0.0) < NINETY_PERCENT * load.gap_noise_m, "{}", rest.tolerance_m(0.0));
 }
 
 #[test]

@@ -36,7 +36,7 @@ use tsa_table::Metadata;
 /// How long a finding must last to be a fault: longer than a wrong reading or a late report; than a shaft or a load needs to
 /// follow; than somebody needs to hang a load on or to take it off.
 const BRIEF_TICKS: u16 = ticks(8);
-const SHORT_TICKS: u16 = ticks(30);
+pub(super) const SHORT_TICKS: u16 = ticks(30);
 const LONG_TICKS: u16 = ticks(300);
 
 /// What the checks compare in one tick: readings, and what the rig is doing.

@@ -2,18 +2,17 @@
 
 use super::super::{Inputs, lasts, ticks};
 use super::Situation;
+use crate::observer::TRAVEL_M;
 
 /// Ticks that a limit switch must be open: its contacts bounce.
 const SWITCH_TICKS: u16 = ticks(2);
-/// How far the load may go on towards a switch that is open after a `clear` (m).
-const PAST_SWITCH_M: f32 = 0.3e-3;
 
 /// The upper switch (least gap) and the lower one.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Switches {
     /// How long each has been open.
     open_ticks: [u16; 2],
-    /// The gap past which an open switch is a fault again, where it was cleared open (m).
+    /// The gap past which an open switch is a fault again, where it was cleared open (m): the load has travelled towards it.
     bound_m: [Option<f32>; 2],
 }
 
@@ -21,7 +20,7 @@ impl Switches {
     /// After a `clear` at this gap (m).
     pub(super) fn cleared(inputs: &Inputs, gap_m: Option<f32>) -> Self {
         let bound = |open: bool, past_m: f32| gap_m.filter(|_| open).map(|gap_m| gap_m + past_m);
-        let bound_m = [bound(inputs.upper_limit_open, -PAST_SWITCH_M), bound(inputs.lower_limit_open, PAST_SWITCH_M)];
+        let bound_m = [bound(inputs.upper_limit_open, -TRAVEL_M), bound(inputs.lower_limit_open, TRAVEL_M)];
         Self { open_ticks: [0; 2], bound_m }
     }
 
@@ -54,7 +53,7 @@ impl Switches {
                 (Some(_), None) => false,
                 (Some(bound_m), Some(gap_m)) => {
                     // On the way back the bound follows.
-                    let nearer_m = gap_m - away * PAST_SWITCH_M;
+                    let nearer_m = gap_m - away * TRAVEL_M;
                     if away * (nearer_m - *bound_m) > 0.0 {
                         *bound_m = nearer_m;
                     }
@@ -81,7 +80,7 @@ mod tests {
 
     #[test]
     fn after_a_clear_only_the_way_back_is_free() {
-        let cleared = || Switches { open_ticks: [0; 2], bound_m: [Some(0.05 - PAST_SWITCH_M), None] };
+        let cleared = || Switches { open_ticks: [0; 2], bound_m: [Some(0.05 - TRAVEL_M), None] };
         let step = |switches: &mut Switches, gap_m| switches.step([true, false], Some(gap_m));
         let mut switches = cleared();
         assert!((0..100).all(|_| !step(&mut switches, 0.05)));
