@@ -373,10 +373,10 @@ mod tests {
     fn friction_hides_a_change_until_the_load_has_moved() {
         let mut scenario = Scenario::new(RigPreset::Ideal, 1, 0.5);
         scenario.hang(0.51, false);
-        assert!(scenario.changed_at_m.is_some(), "5 g are hardly seen on these strings");
+        assert!(scenario.changed_at_m.is_some(), "10 g hardly move the load");
         scenario.hang(1.5, false);
         scenario.run(2.0);
-        assert_eq!(scenario.changed_at_m, None, "they stretch");
+        assert_eq!(scenario.changed_at_m, None, "a kilogram moves it");
     }
 
     #[test]

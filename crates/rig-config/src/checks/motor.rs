@@ -97,9 +97,8 @@ fn planned_rad_per_s(s: &Scene) -> f64 {
     f64::from(SPEED_FRACTION) * s.rig.motor_speed_max_rad_per_s / s.rig.gear()
 }
 
-/// Time (s) that homing takes from some turns, with 1 to 2 s more than the emulated rig took where the motor is slow: to zero twist
-/// and past it, two sweeps across it, to the half-turn pre-twist, up and down over the weighed turns; and the rests and the
-/// probe.
+/// Time (s) that homing takes from some turns: to zero twist and past it, two sweeps across it, to the half-turn pre-twist, up and
+/// down over the weighed turns; and the rests and the probe. With a slow motor the emulated rig needs less.
 fn homing_s(from_turns: f64, weighed_turns: f64, max_rad_per_s: f64) -> f64 {
     const RESTS_S: f64 = 3.0;
     let sweep_half = f64::from(SWEEP_HALF);

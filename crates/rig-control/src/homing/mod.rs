@@ -39,7 +39,7 @@ const QUIET_PATIENCE_S: f32 = 10.0;
 /// 15 N from one side of zero twist to the other. Against a jammed load the whole probe adds some 8 N. A gap that does not rise over
 /// so long a turn of the search for its maximum is that of a jammed load.
 const PROBE_TRAVEL: f32 = 18.0;
-/// Speed of all of it (rad/s): slow enough that the load follows without oscillating.
+/// Speed of all of it (rad/s): a faster homing fails on more hard plants.
 pub const SPEED: f32 = 6.5;
 /// Fraction of the motor's speed that is used where that is less.
 pub const SPEED_FRACTION: f32 = 0.9;
