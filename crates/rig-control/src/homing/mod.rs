@@ -33,7 +33,8 @@ use tsa_table::Table;
 
 /// Fraction of a new reading in the smoothed gap.
 const SMOOTHING: f32 = 0.25;
-/// A load that still oscillates after this time (s) is homed all the same; the result is judged at the end.
+/// A load that still oscillates after this time (s) is homed all the same, and so is its reference taken; the result is judged
+/// at the end.
 const QUIET_PATIENCE_S: f32 = 10.0;
 /// Longest probe (rad). Rail friction holds the load over several radians: 0.1 N under 0.5 N highly twisted for 6 rad, and 1 N under
 /// 15 N from one side of zero twist to the other. Against a jammed load the whole probe adds some 8 N. A gap that does not rise over
@@ -65,8 +66,8 @@ pub const SWEEP_HALF: f32 = 5.0;
 pub const LOAD_TURNS: f32 = 6.0;
 /// Acceleration of all of it, and of a jog (rad/s²).
 pub(crate) const ACCELERATION: f32 = 25.0;
-/// Rest before the sweeps across the maximum, before weighing and before the reference is taken (s), for the load to stop
-/// oscillating; and how long the reference is averaged over.
+/// Rest before the sweeps across the maximum and before weighing (s), for the load to stop oscillating; and how long the
+/// reference is averaged over.
 const REST_S: f32 = 0.5;
 /// How far (m) the load may hang from its place by the sweeps, friction aside: swinging and creep make less, a string that
 /// slips in its clamp makes more.
@@ -122,7 +123,7 @@ enum Phase {
     Centre,
     LoadRest { ticks: u16 },
     LoadEstimate,
-    Settle { ticks: u16, rest: Rest },
+    Settle { ticks: u16, quiet: Quiet, rest: Rest },
     Done(Homed),
 }
 
@@ -259,7 +260,7 @@ impl Homing {
             Phase::Centre => self.sweep_centre(inputs, &limits),
             Phase::LoadRest { ticks } => Ok(self.rest_before_weigh(ticks, &limits)),
             Phase::LoadEstimate => Ok(self.sweep_weigh(table, rig, inputs, &limits)),
-            Phase::Settle { ticks, rest } => self.settle(table, ticks, rest, inputs.gap_m, &limits),
+            Phase::Settle { ticks, quiet, rest } => self.settle(table, ticks, quiet, rest, inputs.gap_m, &limits),
             Phase::Done(homed) => Ok(Phase::Done(homed)),
         };
         match next {
@@ -400,7 +401,7 @@ impl Homing {
         self.load_estimate.record((shaft_rad - start) / travel, shaft_rad - self.zero_rad, inputs.gap_m);
         if self.ramp == Ramp::at(goal) && self.load_estimate.sweeps.end_pass() {
             self.load_estimate.begin_fit(table, rig);
-            return Phase::Settle { ticks: 0, rest: Rest::NONE };
+            return Phase::Settle { ticks: 0, quiet: Quiet::NEW, rest: Rest::NONE };
         }
         Phase::LoadEstimate
     }
@@ -409,18 +410,22 @@ impl Homing {
         &mut self,
         table: &Table<'_>,
         ticks: u16,
+        mut quiet: Quiet,
         mut rest: Rest,
         gap_m: f32,
         limits: &TwistLimits,
     ) -> Result<Phase, HomingFailure> {
         let ticks = self.rest_at(self.zero_rad + PI, limits, ticks);
         let fitted = self.load_estimate.fit_step(table)?;
-        if f32::from(ticks) * TICK_S > REST_S {
+        // A load that moves, because it still swings or because its weight is changed, is averaged anew.
+        if quiet.step(self.smooth_gap_m) || f32::from(ticks) * TICK_S > QUIET_PATIENCE_S {
             rest.add(gap_m);
+        } else {
+            rest = Rest::NONE;
         }
-        let averaged = f32::from(ticks) * TICK_S > 2.0 * REST_S;
-        let Some(w) = fitted.filter(|_| averaged && rest.count > 0.0) else {
-            return Ok(Phase::Settle { ticks, rest });
+        let averaged = rest.count * TICK_S > REST_S;
+        let Some(w) = fitted.filter(|_| averaged) else {
+            return Ok(Phase::Settle { ticks, quiet, rest });
         };
         let (reference_gap_m, noise_m) = rest.mean_and_noise_m();
         // What the converter cannot resolve may look like no noise at all.

@@ -209,6 +209,26 @@ fn a_string_that_slips_after_the_sweeps_is_noticed() {
 }
 
 #[test]
+fn a_weight_that_changes_while_the_reference_is_taken_does_not_spoil_it() {
+    let mut bench = Bench::new(5.0, 0.01, 9.0);
+    bench.start();
+    let mut undisturbed = bench.clone();
+    undisturbed.begin(Request::HOME);
+    let ticks = undisturbed.while_in(State::Homing);
+    // Changes that move the gap by less than what counts as a string that has slipped.
+    for (lighter_n, before_the_end) in [(0.5f32, 90), (0.5, 60), (-0.5, 40), (0.5, 20), (-0.5, 5)] {
+        let mut bench = bench.clone();
+        bench.begin(Request::HOME);
+        bench.run(ticks - before_the_end);
+        bench.load_n -= lighter_n;
+        bench.while_in(State::Homing);
+        let found = bench.rig.homed().unwrap_or_else(|| panic!("{lighter_n} N: {:?}", bench.events)).found;
+        near(found.reference_gap_m, bench.gap_m, 2e-6);
+        near(found.gap_noise_m, bench.noise_m, 0.2 * bench.noise_m);
+    }
+}
+
+#[test]
 fn rods_remember_what_the_setting_says_until_a_heavier_load_has_hung_or_new_ones_are_fitted() {
     let homed = |bench: &mut Bench| {
         bench.home();
