@@ -17,8 +17,6 @@ pub const PLANNED_FRACTION: f32 = 0.97;
 const ACCELERATION_FRACTION: f32 = 0.5;
 /// Minimum fraction of the motor's current that is taken to be left for accelerating.
 const MIN_SPARE: f32 = 0.1;
-/// Share below which it is the current that delays a move.
-const LITTLE_SPARE: f32 = 0.5;
 /// Minimum time (s) in which a move gets up to its speed, and the same in 1/ω of the load's oscillation.
 const RISE_S: f32 = 0.09;
 const RISE_OSCILLATIONS: f32 = 4.0;
@@ -59,11 +57,12 @@ impl Limits {
         let holding = pull_n / (tr_rad_per_m * torque_per_a * 1e-3 * f32::from(rig.current_limit_ma));
         let spare = (1.0 - holding).clamp(MIN_SPARE, 1.0);
         let fastest = PLANNED_FRACTION * rig.twist_speed_max() / tr_rad_per_m;
-        let hardest = ACCELERATION_FRACTION * spare * rig.twist_acceleration_max() / tr_rad_per_m;
+        let unloaded = ACCELERATION_FRACTION * rig.twist_acceleration_max() / tr_rad_per_m;
+        let hardest = spare * unloaded;
         let speed = asked.min(fastest);
         let rise_s = rise_s(pull_n, point.dgap_dload_m_per_n);
         let enough = 2.0 * speed / rise_s;
-        let limit = if hardest < enough && spare < LITTLE_SPARE {
+        let limit = if hardest < enough && unloaded >= enough {
             Some(Limit::MotorCurrent)
         } else if fastest < asked {
             Some(Limit::MotorSpeed)

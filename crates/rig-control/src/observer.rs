@@ -32,8 +32,9 @@ const OUTSIDE_FRACTION: f32 = 0.01;
 pub const SETTLED_TICKS: u16 = 40;
 /// Standard error of the friction that a moving load shows, as a fraction of it: play and stiction look like friction.
 const MOVING_BAND: f32 = 0.3;
-/// Standard deviation of a load that is anywhere within the friction band, as a fraction of the friction.
-const RESTING_BAND: f32 = 0.6;
+/// Standard deviation of a load that is anywhere within the friction band, as a fraction of the friction: 1/√3, with every place as
+/// likely as the others.
+const RESTING_BAND: f32 = 0.577;
 /// Standard error by creep and warming up, as a fraction of the load, at once and in the end; and the time that it takes (s).
 const DRIFT: [f32; 2] = [0.003, 0.012];
 const DRIFT_S: f32 = 600.0;

@@ -10,10 +10,6 @@ use tsa_table::Point;
 const FOLLOWS_PER_S: [f32; 2] = [8.0, 25.0];
 /// Minimum fraction of the acceleration with which it catches up while the target accelerates.
 const MIN_LEFT: f32 = 0.2;
-/// Distance (m) and speed (m/s) within which a set-point stands at a target that stands.
-const STANDS_M: f32 = 1e-6;
-const STANDS_M_PER_S: f32 = 20e-6;
-
 /// Pieces of the way for which its time is told.
 const PIECES: u8 = 16;
 /// Steps of the search for the acceleration that just still stops at the target.
@@ -244,9 +240,8 @@ impl Planner {
         let unit = limits.jerk * TICK_S;
         self.now = before.after(within.clamp(before.acceleration - unit, before.acceleration + unit));
         self.target = target.position_m;
-        let near = behind_m.abs() < STANDS_M && self.now.speed.abs() < STANDS_M_PER_S;
-        if near && target.speed_m_per_s == 0.0 {
-            *self = Self::at(target.position_m);
+        if target.speed_m_per_s == 0.0 {
+            self.arrive(unit);
         }
         (self.set_point(before.acceleration), held_back)
     }
@@ -276,13 +271,18 @@ impl Planner {
         let within = |a: f32| a.clamp(now.acceleration - unit, now.acceleration + unit);
         let (high, low) = (within(now.keeps(limits.speed, limits)), within(now.keeps(-limits.speed, limits)));
         self.now = now.after(now.still_stops(way * self.target, low.min(high), high, limits)).mirrored(way);
-        // Nearer than half of what the jerk moves it by in a tick: it has arrived.
+        self.arrive(unit);
+        self.set_point(before)
+    }
+
+    /// Stands at the target if it is nearer than half of what the jerk moves it by in a tick, in which the acceleration changes
+    /// by `unit` (m/s²).
+    fn arrive(&mut self, unit: f32) {
         let near = (self.target - self.now.position).abs() <= 0.5 * unit * TICK_S * TICK_S + f32::EPSILON;
         let slow = self.now.speed.abs() <= unit * TICK_S && self.now.acceleration.abs() <= 1.01 * unit;
         if near && slow {
             *self = Self::at(self.target);
         }
-        self.set_point(before)
     }
 }
 

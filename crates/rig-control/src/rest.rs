@@ -7,19 +7,13 @@
 
 use crate::homing::NINETY_PERCENT;
 use crate::load_state::LoadState;
+use crate::observer::SETTLED_TICKS;
 
 /// Fraction of a jump below which an error is left alone.
 pub const JUMP_FRACTION: f32 = 0.55;
-/// Speed below which a load stands: least (m/s), and over the noise of the gap (1/s), two standard deviations of the observed
-/// speed; for how many ticks.
-const STANDS_M_PER_S: f32 = 1e-3;
-const STANDS_NOISES_PER_S: f32 = 80.0;
-const STANDS_TICKS: u8 = 6;
-/// Ticks in which a load has not left its place, after which it stands however fast it is taken for: the observer expects a load
+/// Ticks in which a load has not left its place, after which it stands. Its speed is not asked: the observer expects a load
 /// that sticks to go along with its strings.
-const STILL_TICKS: u8 = 12;
-/// Ticks over which the error of a load that stands is averaged at most.
-const MEAN_TICKS: u8 = 30;
+const STILL_TICKS: u16 = 8;
 /// Ways past the target after which a load is taken to go back and forth.
 const WAYS_PAST: u8 = 4;
 
@@ -40,9 +34,7 @@ pub struct Rest {
     /// Error since it has not left its place, averaged (m), of the last tick (m), and for how many ticks.
     error_m: f32,
     last_m: f32,
-    ticks: u8,
-    /// For how many ticks it has been slow.
-    slow_ticks: u8,
+    ticks: u16,
     stands: bool,
     left_alone: bool,
     /// Error (m) where it last stood, and the twist (rad) until then.
@@ -81,16 +73,13 @@ impl Rest {
             if !done || error_m.abs() > longest_jump_m {
                 (self.stood, self.ways_past) = (None, 0);
             }
-            (self.ticks, self.slow_ticks, self.stands, self.left_alone) = (0, 0, false, false);
+            (self.ticks, self.stands, self.left_alone) = (0, false, false);
             return Standing::Moves;
         }
-        self.ticks = (self.ticks + 1).min(MEAN_TICKS);
+        self.ticks = (self.ticks + 1).min(SETTLED_TICKS);
         self.error_m += (error_m - self.error_m) / f32::from(self.ticks);
-        let slow_m_per_s = STANDS_M_PER_S.max(STANDS_NOISES_PER_S * noise_m);
-        let slow = load.observation.moved_m == 0.0 && load.motion.speed_m_per_s.abs() < slow_m_per_s;
-        self.slow_ticks = if slow { self.slow_ticks.saturating_add(1) } else { 0 };
         let stood = self.stands;
-        self.stands |= self.slow_ticks >= STANDS_TICKS || self.ticks >= STILL_TICKS;
+        self.stands |= self.ticks >= STILL_TICKS;
         if !self.stands {
             return Standing::Moves;
         }

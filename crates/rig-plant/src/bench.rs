@@ -6,6 +6,7 @@ use crate::board::{Board, CanFrame, Stimulus};
 use crate::rig::EmulatedRig;
 use crate::{PlantSettings, Truth};
 use rig_config::Scene;
+use rig_control::observer::SETTLED_TICKS;
 use rig_control::sensors::EncoderCount;
 use rig_control::supervisor::Events;
 use rig_control::{Controller, DriveCommand, DriveReading, Inputs, LvdtBlock, Outputs, RigConstants, TICK_S};
@@ -13,6 +14,7 @@ use rig_link::messages::{
     Accepted, EventKind, HomingFailure, HomingResult, LoadChoice, Refusal, Request, State, Telemetry,
 };
 use rmds405::{Address, Conversation, Received, Report};
+use std::collections::VecDeque;
 use std::sync::{Arc, OnceLock};
 use tsa_table::Table;
 use tsa_table::fit::OwnedTable;
@@ -131,7 +133,7 @@ pub struct ControlBench<C: ControlLaw = Controller> {
     pub found: Option<HomingResult>,
     /// Why the last homing failed, until the next one begins.
     pub homing_failure: Option<HomingFailure>,
-    /// True gap when homing ended (m).
+    /// Mean true gap over the ticks from which homing took its reference (m).
     pub home_gap_m: Option<f64>,
     /// Whether the host sends heartbeats.
     pub host_alive: bool,
@@ -147,6 +149,8 @@ pub struct ControlBench<C: ControlLaw = Controller> {
     estop: bool,
     limits_open: [bool; 2],
     heard_us: Option<u64>,
+    /// True gaps of the last ticks (m).
+    gaps_m: VecDeque<f64>,
 }
 
 impl ControlBench {
@@ -188,6 +192,7 @@ impl<C: ControlLaw> ControlBench<C> {
             estop: false,
             limits_open: [false; 2],
             heard_us: None,
+            gaps_m: VecDeque::new(),
         }
     }
 
@@ -270,13 +275,18 @@ impl<C: ControlLaw> ControlBench<C> {
             tamper(&mut inputs);
         }
         let decision = self.control.step(&inputs);
+        self.gaps_m.push_back(self.rig.truth().gap_m);
+        if self.gaps_m.len() > usize::from(SETTLED_TICKS) {
+            self.gaps_m.pop_front();
+        }
         let frame = self.drive.command(now_us, C::drive(&decision)).expect("limits from the scene");
         self.send(frame);
         self.switch_motor_power();
         for kind in C::events(&decision) {
             match kind {
                 EventKind::Homed(found) => {
-                    (self.found, self.home_gap_m) = (Some(*found), Some(self.rig.truth().gap_m));
+                    let mean_m = self.gaps_m.iter().sum::<f64>() / self.gaps_m.len() as f64;
+                    (self.found, self.home_gap_m) = (Some(*found), Some(mean_m));
                 }
                 EventKind::HomingRefused(failure) => self.homing_failure = Some(*failure),
                 _ => {}

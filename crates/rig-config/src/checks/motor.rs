@@ -3,7 +3,8 @@
 use super::Verdict::{self, Fits, Impossible, Unusual};
 use super::{States, short};
 use crate::Scene;
-use rig_control::homing::{LOAD_TURNS, SPEED, SPEED_FRACTION, SWEEP_HALF, TIME_OUT_S};
+use rig_control::homing::{LOAD_TURNS, SPEED, SWEEP_HALF, TIME_OUT_S};
+use rig_control::limits::PLANNED_FRACTION;
 use std::f64::consts::{PI, TAU};
 
 /// Fraction of the current above which almost nothing remains for friction and acceleration (rig-control, `limits`).
@@ -94,7 +95,7 @@ pub(super) fn board_follows_the_count(s: &Scene) -> Verdict {
 }
 
 fn planned_rad_per_s(s: &Scene) -> f64 {
-    f64::from(SPEED_FRACTION) * s.rig.motor_speed_max_rad_per_s / s.rig.gear()
+    f64::from(PLANNED_FRACTION) * s.rig.motor_speed_max_rad_per_s / s.rig.gear()
 }
 
 /// Time (s) that homing takes from some turns: to zero twist and past it, two sweeps across it, to the half-turn pre-twist, up and

@@ -19,8 +19,9 @@ mod stick_slip;
 mod sweeps;
 
 use crate::constants::TwistLimits;
+use crate::limits::PLANNED_FRACTION;
 use crate::mechanism::Mechanism;
-use crate::observer::TRAVEL_M;
+use crate::observer::{SETTLED_TICKS, TRAVEL_M};
 use crate::ramp::Ramp;
 use crate::{RigConstants, TICK_S};
 use centre::Centre;
@@ -42,8 +43,6 @@ const QUIET_PATIENCE_S: f32 = 10.0;
 const PROBE_TRAVEL: f32 = 18.0;
 /// Speed of all of it (rad/s): a faster homing fails on more hard plants.
 pub const SPEED: f32 = 6.5;
-/// Fraction of the motor's speed that is used where that is less.
-pub const SPEED_FRACTION: f32 = 0.9;
 /// A shaft that is this far (rad) behind its set-point stands against fully closed strings: more than any drive lags at this
 /// speed, and little enough to turn back before the drive takes it for a stall and drops the load.
 const PROBE_BEHIND: f32 = 0.5;
@@ -66,9 +65,6 @@ pub const SWEEP_HALF: f32 = 5.0;
 pub const LOAD_TURNS: f32 = 6.0;
 /// Acceleration of all of it, and of a jog (rad/s²).
 pub(crate) const ACCELERATION: f32 = 25.0;
-/// Rest before the sweeps across the maximum and before weighing (s), for the load to stop oscillating; and how long the
-/// reference is averaged over.
-const REST_S: f32 = 0.5;
 /// How far (m) the load may hang from its place by the sweeps, friction aside: swinging and creep make less, a string that
 /// slips in its clamp makes more.
 const SHIFTED_M: f32 = 0.6e-3;
@@ -249,7 +245,7 @@ impl Homing {
         }
         self.smooth_gap_m += SMOOTHING * (inputs.gap_m - self.smooth_gap_m);
         let limits = TwistLimits {
-            speed: SPEED.min(SPEED_FRACTION * rig.twist_speed_max()),
+            speed: SPEED.min(PLANNED_FRACTION * rig.twist_speed_max()),
             acceleration: ACCELERATION.min(rig.twist_acceleration_max()),
         };
         let next = match self.phase {
@@ -353,7 +349,7 @@ impl Homing {
         // From the far side, where the seek came to rest, so that nothing is travelled twice.
         let goal = self.zero_rad + self.direction * SWEEP_HALF;
         let ticks = self.rest_at(goal, limits, ticks);
-        if f32::from(ticks) * TICK_S < REST_S {
+        if ticks < SETTLED_TICKS {
             return Phase::CentreRest { ticks };
         }
         self.centre = Centre::new(self.zero_rad, SWEEP_HALF);
@@ -375,8 +371,7 @@ impl Homing {
 
     fn rest_before_weigh(&mut self, ticks: u16, limits: &TwistLimits) -> Phase {
         let ticks = self.rest_at(self.zero_rad + PI, limits, ticks);
-        let rested = f32::from(ticks) * TICK_S >= REST_S;
-        if rested { Phase::LoadEstimate } else { Phase::LoadRest { ticks } }
+        if ticks >= SETTLED_TICKS { Phase::LoadEstimate } else { Phase::LoadRest { ticks } }
     }
 
     fn sweep_weigh(
@@ -423,7 +418,7 @@ impl Homing {
         } else {
             rest = Rest::NONE;
         }
-        let averaged = rest.count * TICK_S > REST_S;
+        let averaged = rest.count > f32::from(SETTLED_TICKS);
         let Some(w) = fitted.filter(|_| averaged) else {
             return Ok(Phase::Settle { ticks, quiet, rest });
         };

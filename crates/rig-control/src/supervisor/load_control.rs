@@ -1,7 +1,7 @@
 //! A planned move of the load, and the hold after it: planner and position loop, tick by tick, and when a move is over.
 
 use super::guard::SHORT_TICKS;
-use super::{STANDING_TICKS, lasts, ticks};
+use super::{lasts, ticks};
 use crate::limits::Limits;
 use crate::load_state::LoadState;
 use crate::planner::{Planner, SetPoint};
@@ -157,7 +157,7 @@ impl Move {
         let left = error_m.abs() < self.control.position_loop.rest.tolerance_m(load.jump_m);
         let sticks =
             self.comes_again(load) && error_m.abs() > Self::arrived_m(load) && left && load.observation.moved_m == 0.0;
-        if lasts(&mut self.stuck_ticks, sticks, STANDING_TICKS) {
+        if lasts(&mut self.stuck_ticks, sticks, SHORT_TICKS) {
             let back_m = (BACK_JUMPS * load.jump_m).min(self.distance_m.abs());
             self.may_come_again = false;
             self.goes_back = true;

@@ -150,8 +150,6 @@ enum DriveLoop {
 
 /// Motor speed (rpm) below which the shaft counts as standing: three quanta of the drive's speed measurement.
 const STANDING_RPM: u16 = 45;
-/// How long a shaft, a load or the LVDT must be still to stand: before anything is cleared or started.
-const STANDING_TICKS: u16 = ticks(20);
 
 /// Longest silence of the host during a motion (µs).
 pub const HOST_SILENT_US: u64 = 400_000;

@@ -1,9 +1,10 @@
 //! The modes of the rig, and what each does in a tick.
 
+use super::guard::SHORT_TICKS;
 use super::load_control::{LoadControl, Move};
 use super::sensing::DriveZero;
 use super::stream::Stream;
-use super::{Controller, DriveLoop, Events, Inputs, STANDING_RPM, STANDING_TICKS, ticks};
+use super::{Controller, DriveLoop, Events, Inputs, STANDING_RPM, ticks};
 use crate::direction::{DirectionCheck, Step, Witnesses};
 use crate::homing::{self, Homing, HomingInputs, Progress};
 use crate::ramp::Ramp;
@@ -210,7 +211,7 @@ impl Controller {
         let standing_counts = standing_rad_per_s / self.constants.gear_ratio
             * self.constants.counts_per_rad.abs()
             * TICK_S
-            * f32::from(STANDING_TICKS);
+            * f32::from(SHORT_TICKS);
         let stands =
             counts.iter().zip(boot.stood_at).all(|(now, then)| (now - then).abs() <= whole_counts(standing_counts));
         // The first readings of a sensor after power-up are not relied on.
@@ -220,7 +221,7 @@ impl Controller {
             (boot.stood_at, boot.standing_ticks) = (counts, 0);
         }
         boot.ticks = boot.ticks.saturating_add(1);
-        if boot.standing_ticks < STANDING_TICKS {
+        if boot.standing_ticks < SHORT_TICKS {
             if boot.ticks >= BOOT_TICKS {
                 self.raise(Faults::NONE.with(Fault::ShaftUnsteady), events);
             }

@@ -1,11 +1,12 @@
 //! What the host asks, and what may begin now.
 
 use super::fault_policy::{After, POLICY, Response};
+use super::guard::SHORT_TICKS;
 use super::load_control::{LoadControl, Move};
 use super::modes::{Boot, First, Jog, Mode};
 use super::sensing::DriveZero;
 use super::stream::{HOLDS_FOR_S, Stream, StreamPoint, reach_m};
-use super::{Controller, DriveLoop, Events, Inputs, JOG_SPEED_MAX, STANDING_TICKS};
+use super::{Controller, DriveLoop, Events, Inputs, JOG_SPEED_MAX};
 use crate::homing::Homing;
 use crate::move_check::{MoveRequest, MoveStart, check_load, in_range};
 use crate::ramp::Ramp;
@@ -219,7 +220,7 @@ impl Controller {
         }
         // By its most severe fault the load is held. A shaft that turns says otherwise, and that must be reported first.
         let should_hold = latched.response().is_some_and(|response| response < Response::LetGo);
-        if should_hold && self.guard.shaft.still_ticks < STANDING_TICKS {
+        if should_hold && self.guard.shaft.still_ticks < SHORT_TICKS {
             return Err(Refusal::ShaftTurns);
         }
         for row in rows {

@@ -10,8 +10,6 @@ use rig_link::messages::{Limit, StreamEnd};
 
 /// How long a set-point may hold without the next one (s).
 pub const HOLDS_FOR_S: [f32; 2] = [0.02, 0.5];
-/// Time (s) of motion at full speed that a set-point may be away from where the load is led.
-const REACH_S: f32 = 0.5;
 
 /// One set-point of a stream.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -43,9 +41,10 @@ pub(super) struct Stream {
     limits: Option<Limits>,
 }
 
-/// How far (m) from the present set-point the next one may be, with the strings at a transmission ratio (rad/m).
+/// How far (m) from the present set-point the next one may be, with the strings at a transmission ratio (rad/m): as far as the load
+/// comes at full speed while a set-point may hold.
 pub(super) fn reach_m(tr_rad_per_m: f32, rig: &RigConstants) -> f32 {
-    REACH_S * rig.twist_speed_max() / tr_rad_per_m
+    HOLDS_FOR_S[1] * rig.twist_speed_max() / tr_rad_per_m
 }
 
 impl Stream {

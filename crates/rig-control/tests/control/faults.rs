@@ -326,7 +326,7 @@ fn nothing_is_cleared_while_a_held_shaft_turns() {
     bench.ticks_until_fault(100).expect("the host is silent");
     bench.host_alive = true;
     assert_eq!(bench.ask(Request::Clear), Err(Refusal::ShaftTurns));
-    bench.run(25);
+    bench.run(35);
     assert_eq!(bench.ask(Request::Clear), Ok(Accepted::Done));
     assert_eq!(bench.rig.state(), State::Ready);
     bench.move_to(0.006, 0.002);

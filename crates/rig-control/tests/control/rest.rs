@@ -22,21 +22,18 @@ fn jumps(rest: &mut Rest, errors_m: &[f32], load: &LoadState<'_>) -> Standing {
 }
 
 #[test]
-fn a_load_stands_once_it_is_slow_or_has_not_left_its_place() {
+fn a_load_stands_once_it_has_not_left_its_place() {
     let mut load = load();
     let mut rest = Rest::default();
-    assert_eq!(at(&mut rest, 1e-3, 5, &load), Standing::Moves);
-    assert_eq!(at(&mut rest, 1e-3, 1, &load), Standing::Beside(1e-3));
     // Its observer takes it for one that moves with its strings, but it stays where it is.
     load.motion.speed_m_per_s = 0.01;
-    let mut rest = Rest::default();
-    assert_eq!(at(&mut rest, 1e-3, 11, &load), Standing::Moves);
+    assert_eq!(at(&mut rest, 1e-3, 7, &load), Standing::Moves);
     assert_eq!(at(&mut rest, 1e-3, 1, &load), Standing::Beside(1e-3));
     // One that has left its place begins again, and so does one whose set-point moves.
     assert_eq!(at(&mut rest, 0.9e-3, 2, &load), Standing::Moves);
     at(&mut rest, 0.9e-3, 20, &load);
     assert_eq!(rest.step(false, 0.9e-3, &load), Standing::Moves);
-    assert_eq!(at(&mut rest, 0.9e-3, 11, &load), Standing::Moves);
+    assert_eq!(at(&mut rest, 0.9e-3, 7, &load), Standing::Moves);
 }
 
 #[test]

@@ -7,16 +7,14 @@
 
 /// Minimum step (m) within [`STEP_TICKS`].
 const JUMP_M: f32 = 1.0e-3;
-/// Blocks of samples are 6 ms long: a step within one is spread over two ticks at most.
+/// Blocks of samples are 6 ms long: a step within one is spread over two ticks at most. As many ticks without a reading may lie
+/// between, because the block in which the step falls is too noisy to be a position.
 const STEP_TICKS: usize = 2;
 /// Ticks before and after the step in which the gap must go on evenly, as a motor moves it.
 const CALM_TICKS: usize = 3;
 /// The step is at least this many times the way in the calm ticks, both less what an even motion does: all of it, because an
 /// oscillation about its turning point comes back to where it was. Half an oscillation of 30 ms has less.
 const CLEAR_FACTOR: f32 = 5.0;
-
-/// Ticks without a reading that may lie between: the block in which the step falls is too noisy to be a position.
-const MISSING_TICKS: u8 = 2;
 
 const LENGTH: usize = 2 * CALM_TICKS + STEP_TICKS + 1;
 
@@ -26,7 +24,7 @@ pub(super) struct LvdtJump {
     /// Oldest first (m).
     gaps_m: [f32; LENGTH],
     count: usize,
-    missing: u8,
+    missing: usize,
 }
 
 impl LvdtJump {
@@ -38,7 +36,7 @@ impl LvdtJump {
     pub(super) fn step(&mut self, gap_m: Option<f32>) -> bool {
         let Some(gap_m) = gap_m else {
             self.missing = self.missing.saturating_add(1);
-            if self.missing > MISSING_TICKS {
+            if self.missing > STEP_TICKS {
                 self.count = 0;
             }
             return false;
