@@ -34,8 +34,8 @@ use tsa_table::Table;
 
 /// Fraction of a new reading in the smoothed gap.
 const SMOOTHING: f32 = 0.25;
-/// A load that still oscillates after this time (s) is homed all the same, and so is its reference taken; the result is judged
-/// at the end.
+/// A load that still oscillates after it has been waited for so long (s), in all, is homed all the same; the result is judged at
+/// the end.
 const QUIET_PATIENCE_S: f32 = 10.0;
 /// Longest probe (rad). Rail friction holds the load over several radians: 0.1 N under 0.5 N highly twisted for 6 rad, and 1 N under
 /// 15 N from one side of zero twist to the other. Against a jammed load the whole probe adds some 8 N. A gap that does not rise over
@@ -208,6 +208,8 @@ pub struct Homing {
     /// +1 or −1: the direction in which the gap grew.
     direction: f32,
     ticks: u32,
+    /// Ticks in which the load has been waited for.
+    waited: u16,
     centre: Centre,
     load_estimate: LoadEstimate,
     stick_slip: StickSlip,
@@ -227,6 +229,7 @@ impl Homing {
             smooth_gap_m: gap_m,
             direction: 1.0,
             ticks: 0,
+            waited: 0,
             centre: Centre::new(0.0, 1.0),
             load_estimate: LoadEstimate::new(twist_scale, load, heaviest_n),
             stick_slip: StickSlip::NEW,
@@ -269,9 +272,15 @@ impl Homing {
         }
     }
 
+    /// One tick of a load that is waited for; whether it is quiet, or has been waited for long enough.
+    fn is_quiet(&mut self, quiet: &mut Quiet) -> bool {
+        self.waited += 1;
+        quiet.step(self.smooth_gap_m) || f32::from(self.waited) * TICK_S > QUIET_PATIENCE_S
+    }
+
     /// A load that has just dropped swings for seconds, farther than the probe can tell from its own doing.
-    fn wait_for_quiet(&self, mut quiet: Quiet) -> Phase {
-        if quiet.step(self.smooth_gap_m) || self.ticks as f32 * TICK_S > QUIET_PATIENCE_S {
+    fn wait_for_quiet(&mut self, mut quiet: Quiet) -> Phase {
+        if self.is_quiet(&mut quiet) {
             Phase::Probe { start_rad: self.ramp.position, gap_m: self.smooth_gap_m }
         } else {
             Phase::Quiet(quiet)
@@ -413,7 +422,7 @@ impl Homing {
         let ticks = self.rest_at(self.zero_rad + PI, limits, ticks);
         let fitted = self.load_estimate.fit_step(table)?;
         // A load that moves, because it still swings or because its weight is changed, is averaged anew.
-        if quiet.step(self.smooth_gap_m) || f32::from(ticks) * TICK_S > QUIET_PATIENCE_S {
+        if ticks > 0 && self.is_quiet(&mut quiet) {
             rest.add(gap_m);
         } else {
             rest = Rest::NONE;

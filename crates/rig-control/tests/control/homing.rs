@@ -177,6 +177,26 @@ fn a_gap_that_goes_up_and_down_with_the_time_is_waited_for_and_then_probed() {
 }
 
 #[test]
+fn a_rig_that_shakes_is_waited_for_once_and_homed() {
+    let mut bench = Bench::new(5.0, 0.01, 9.0);
+    let constants = bench.constants;
+    bench.tamper = Some(Arc::new(move |inputs| {
+        let seconds = 1e-6 * inputs.now_us as f32;
+        if let Some(block) = &mut inputs.lvdt {
+            let gap_m = constants.lvdt_gap_m(block.mean_code) + 0.15e-3 * (25.0 * seconds).sin();
+            block.mean_code = constants.lvdt_mean_code(gap_m);
+        }
+    }));
+    bench.start();
+    let from_us = bench.now_us;
+    let found = bench.home();
+    let seconds = 1e-6 * (bench.now_us - from_us) as f32;
+    assert!((28.0..36.0).contains(&seconds), "{seconds} s");
+    near(found.gap_noise_m, 0.15e-3 / 2f32.sqrt(), 0.02e-3);
+    near(found.load_n, 5.0, 0.3);
+}
+
+#[test]
 fn strings_that_are_closed_are_turned_back_at_once() {
     let mut bench = Bench::new(3.0, 0.01, 9.0);
     bench.start();
