@@ -140,6 +140,12 @@ pub(crate) fn uniform(seed: u64, name: &str) -> f64 {
     (mix(mix(seed) ^ hash) >> 11) as f64 / (1u64 << 53) as f64
 }
 
+/// A normally distributed number, with a standard deviation of 1, that depends on a seed and a name (Box and Muller's method).
+pub(crate) fn normal(seed: u64, name: &str) -> f64 {
+    let angle = std::f64::consts::TAU * uniform(seed, &format!("{name} angle"));
+    (-2.0 * (1.0 - uniform(seed, name)).ln()).sqrt() * angle.cos()
+}
+
 /// One step of splitmix64.
 fn mix(state: u64) -> u64 {
     let z = state.wrapping_add(0x9e37_79b9_7f4a_7c15);

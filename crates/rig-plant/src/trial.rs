@@ -2,10 +2,11 @@
 //! the board states, next to what is true. Thousands of trials show how often the stated errors hold.
 //!
 //! Everything is drawn from kind and seed: the rig ([`RigPreset`]), its loads, where its strings stand at power-up, the place of
-//! the move, and whether it has worked under another load before.
+//! the move, whether it has worked under another load before, and where the zero of its LVDT is: as far off as the scene's
+//! `[uncertainty]` says that it is known. The presets have no such error.
 
 use crate::bench::{ControlBench, scene};
-use crate::preset::uniform;
+use crate::preset::{normal, uniform};
 use crate::rig::EmulatedRig;
 use crate::units::STANDARD_GRAVITY;
 use crate::{PlantKey, PlantSettings, RigPreset};
@@ -154,6 +155,8 @@ pub struct Trial {
     pub worked_n: Option<f64>,
     /// Twist at power-up (rad).
     pub twist_rad: f64,
+    /// Zero of the LVDT (m), normally distributed with the scene's `gap_zero_m` as its standard deviation.
+    pub lvdt_offset_m: f64,
     /// Target of the first move (m).
     pub place_m: f64,
 }
@@ -170,6 +173,7 @@ impl Trial {
             loads_n: [load_n("trial load"), load_n("trial other load")],
             worked_n: (drawn("trial worked") < 0.5).then(|| load_n("trial load before")),
             twist_rad: TWIST_RAD * (2.0 * drawn("trial twist") - 1.0),
+            lvdt_offset_m: scene().uncertainty.gap_zero_m * normal(seed, "trial lvdt offset"),
             place_m: PLACES_M[0] + (PLACES_M[1] - PLACES_M[0]) * drawn("trial place"),
         }
     }
@@ -181,6 +185,7 @@ impl Trial {
     pub fn rig(&self) -> Result<EmulatedRig, String> {
         let mut settings = PlantSettings::preset(self.kind, self.seed);
         (settings.load_n, settings.twist_at_boot_rad) = (self.worked_n.unwrap_or(self.loads_n[0]), self.twist_rad);
+        settings.lvdt_offset_m = self.lvdt_offset_m;
         EmulatedRig::new(scene(), settings, self.seed).map_err(|e| e.to_string())
     }
 
@@ -286,6 +291,8 @@ mod tests {
             assert!(trial.loads_n.iter().chain(&trial.worked_n).all(|n| (min_n..=max_n).contains(n)), "{trial:?}");
             assert!(trial.twist_rad.abs() <= TWIST_RAD && (PLACES_M[0]..=PLACES_M[1]).contains(&trial.place_m));
         }
+        let squares = trials.iter().map(|trial| (trial.lvdt_offset_m / 0.5e-3).powi(2)).sum::<f64>();
+        assert!((0.8..1.2).contains(&(squares / 200.0).sqrt()), "{squares}");
         let worked = trials.iter().filter(|trial| trial.worked_n.is_some()).count();
         assert!((70..130).contains(&worked), "{worked} of 200 have worked before");
         let light = trials.iter().filter(|trial| trial.loads_n[0] < (min_n * max_n).sqrt()).count();
@@ -295,7 +302,13 @@ mod tests {
     /// On a rig of its own model every moment is reached and what is stated is near the truth.
     #[test]
     fn a_rig_of_its_own_model_is_known_at_every_moment() {
-        let trial = Trial { loads_n: [5.0, 8.0], worked_n: None, place_m: 0.008, ..Trial::new(RigPreset::Ideal, 1) };
+        let trial = Trial {
+            loads_n: [5.0, 8.0],
+            worked_n: None,
+            place_m: 0.008,
+            lvdt_offset_m: 0.0,
+            ..Trial::new(RigPreset::Ideal, 1)
+        };
         let (stated, why) = trial.run(booted());
         let moments: Vec<Moment> = stated.iter().map(|s| s.moment).collect();
         assert_eq!(moments, [Moment::Homed, Moment::Arrived, Moment::Changed, Moment::Moved], "{why}");
@@ -314,7 +327,13 @@ mod tests {
     #[test]
     fn targets_beyond_the_travel_of_the_other_load_are_brought_nearer() {
         for loads_n in [[1.5, 14.0], [5.0, 1.5]] {
-            let trial = Trial { loads_n, worked_n: None, place_m: 0.008, ..Trial::new(RigPreset::Ideal, 1) };
+            let trial = Trial {
+                loads_n,
+                worked_n: None,
+                place_m: 0.008,
+                lvdt_offset_m: 0.0,
+                ..Trial::new(RigPreset::Ideal, 1)
+            };
             let (stated, why) = trial.run(booted());
             assert_eq!((stated.len(), why.as_str()), (4, ""), "{loads_n:?}");
         }
