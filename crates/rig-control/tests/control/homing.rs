@@ -156,17 +156,22 @@ fn a_gap_that_is_no_mechanisms_is_refused_after_as_much_probing_and_searching_as
     }
 }
 
+/// Lets the LVDT show a gap (m) that depends on the true one (m) and the time (s).
+fn show(bench: &mut Bench, gap_m: fn(f32, f32) -> f32) {
+    let constants = bench.constants;
+    bench.tamper = Some(Arc::new(move |inputs| {
+        if let Some(block) = &mut inputs.lvdt {
+            let true_m = constants.lvdt_gap_m(block.mean_code);
+            block.mean_code = constants.lvdt_mean_code(gap_m(true_m, 1e-6 * inputs.now_us as f32));
+        }
+    }));
+}
+
 #[test]
 fn a_gap_that_goes_up_and_down_with_the_time_is_waited_for_and_then_probed() {
     let mut bench = Bench::new(5.0, 0.0, 9.0);
-    let constants = bench.constants;
     // 1 mm at 1 Hz is never quiet.
-    bench.tamper = Some(Arc::new(move |inputs| {
-        let seconds = 1e-6 * inputs.now_us as f32;
-        if let Some(block) = &mut inputs.lvdt {
-            block.mean_code = constants.lvdt_mean_code(0.09 + 1e-3 * (TAU * seconds).sin());
-        }
-    }));
+    show(&mut bench, |_, seconds| 0.09 + 1e-3 * (TAU * seconds).sin());
     bench.start();
     bench.begin(Request::HOME);
     let still = bench.twist_rad;
@@ -179,14 +184,7 @@ fn a_gap_that_goes_up_and_down_with_the_time_is_waited_for_and_then_probed() {
 #[test]
 fn a_rig_that_shakes_is_waited_for_once_and_homed() {
     let mut bench = Bench::new(5.0, 0.01, 9.0);
-    let constants = bench.constants;
-    bench.tamper = Some(Arc::new(move |inputs| {
-        let seconds = 1e-6 * inputs.now_us as f32;
-        if let Some(block) = &mut inputs.lvdt {
-            let gap_m = constants.lvdt_gap_m(block.mean_code) + 0.15e-3 * (25.0 * seconds).sin();
-            block.mean_code = constants.lvdt_mean_code(gap_m);
-        }
-    }));
+    show(&mut bench, |gap_m, seconds| gap_m + 0.15e-3 * (25.0 * seconds).sin());
     bench.start();
     let from_us = bench.now_us;
     let found = bench.home();
