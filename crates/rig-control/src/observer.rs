@@ -27,8 +27,8 @@ const TIME_CONSTANT_S: f32 = 0.15;
 pub const TRAVEL_M: f32 = 0.3e-3;
 /// Pull beyond the friction band that is no noise, as a fraction of the load, besides the motion that is no noise.
 const OUTSIDE_FRACTION: f32 = 0.01;
-/// Time without a pull outside the friction band (ticks) after which the estimate has settled, and with which such a pull
-/// vanishes from the error of the estimate: a period of the load's slowest oscillation.
+/// A period of the load's slowest oscillation (ticks). After this time without a pull outside the friction band the estimate has settled;
+/// with this time constant such a pull vanishes from the error of the estimate; and so long a load rests before homing relies on its gap.
 pub const SETTLED_TICKS: u16 = 40;
 /// Standard error of the friction that a moving load shows, as a fraction of it: play and stiction look like friction.
 const MOVING_BAND: f32 = 0.3;

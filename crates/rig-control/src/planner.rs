@@ -10,6 +10,7 @@ use tsa_table::Point;
 const FOLLOWS_PER_S: [f32; 2] = [8.0, 25.0];
 /// Minimum fraction of the acceleration with which it catches up while the target accelerates.
 const MIN_LEFT: f32 = 0.2;
+
 /// Pieces of the way for which its time is told.
 const PIECES: u8 = 16;
 /// Steps of the search for the acceleration that just still stops at the target.

@@ -291,8 +291,10 @@ mod tests {
             assert!(trial.loads_n.iter().chain(&trial.worked_n).all(|n| (min_n..=max_n).contains(n)), "{trial:?}");
             assert!(trial.twist_rad.abs() <= TWIST_RAD && (PLACES_M[0]..=PLACES_M[1]).contains(&trial.place_m));
         }
-        let squares = trials.iter().map(|trial| (trial.lvdt_offset_m / 0.5e-3).powi(2)).sum::<f64>();
+        let known_m = scene().uncertainty.gap_zero_m;
+        let squares = trials.iter().map(|trial| (trial.lvdt_offset_m / known_m).powi(2)).sum::<f64>();
         assert!((0.8..1.2).contains(&(squares / 200.0).sqrt()), "{squares}");
+        assert_eq!(trials[7].rig().unwrap().settings().lvdt_offset_m, trials[7].lvdt_offset_m);
         let worked = trials.iter().filter(|trial| trial.worked_n.is_some()).count();
         assert!((70..130).contains(&worked), "{worked} of 200 have worked before");
         let light = trials.iter().filter(|trial| trial.loads_n[0] < (min_n * max_n).sqrt()).count();

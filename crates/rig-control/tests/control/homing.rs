@@ -208,14 +208,18 @@ fn strings_that_are_closed_are_turned_back_at_once() {
     assert_eq!(bench.rig.state(), State::Homing, "{:?}", bench.rig.fault());
 }
 
+/// Ticks that a homing of this bench takes if nothing disturbs it.
+fn undisturbed_ticks(mut bench: Bench) -> u32 {
+    bench.begin(Request::HOME);
+    bench.while_in(State::Homing)
+}
+
 #[test]
 fn a_string_that_slips_after_the_sweeps_is_noticed() {
     let mut bench = Bench::new(5.0, 0.01, 9.0);
     bench.start();
     // The gap becomes greater by a millimetre, slowly, within the last second.
-    let mut undisturbed = bench.clone();
-    undisturbed.begin(Request::HOME);
-    let ticks = undisturbed.while_in(State::Homing);
+    let ticks = undisturbed_ticks(bench.clone());
     bench.begin(Request::HOME);
     bench.run(ticks - 100);
     for _ in 0..100 {
@@ -230,9 +234,7 @@ fn a_string_that_slips_after_the_sweeps_is_noticed() {
 fn a_weight_that_changes_while_the_reference_is_taken_does_not_spoil_it() {
     let mut bench = Bench::new(5.0, 0.01, 9.0);
     bench.start();
-    let mut undisturbed = bench.clone();
-    undisturbed.begin(Request::HOME);
-    let ticks = undisturbed.while_in(State::Homing);
+    let ticks = undisturbed_ticks(bench.clone());
     // Changes that move the gap by less than what counts as a string that has slipped.
     for (lighter_n, before_the_end) in [(0.5f32, 90), (0.5, 60), (-0.5, 40), (0.5, 20), (-0.5, 5)] {
         let mut bench = bench.clone();
