@@ -32,13 +32,12 @@ pub fn test(folders: &Folders) -> Result<()> {
     let packages = Packages::find(folders)?;
     check_used(&packages)?;
     licences::check(folders, &packages)?;
-    step("tests; those that play on the emulated board take minutes each");
     // The tests start the images and the tools, so all of them must be built first.
-    programs::run(tests)?;
-    step("Python package: built and tested");
-    python::test(folders)?;
-    step("page of `tsa-lab report` in Chromium");
-    browser::test(folders)?;
+    step("wheel of the Python package");
+    let wheel = python::wheel_to_test(folders)?;
+    step("tests; those that play on the emulated board take minutes each");
+    let in_python = || python::test(folders, &wheel).and_then(|()| browser::test(folders));
+    beside(in_python, || programs::run(tests))?;
     if exists("mdbook") {
         step("book of the documentation");
         book(folders)?;
@@ -47,14 +46,14 @@ pub fn test(folders: &Folders) -> Result<()> {
     run(cargo(folders).args(["test", "--release", "--doc"]).args(DESKTOP))
 }
 
-/// Builds for the board and for the desktop at the same time. They use folders of their own, and both have long steps
-/// that use one core only.
-fn beside<T>(board: impl FnOnce() -> Result<()> + Send, desktop: impl FnOnce() -> Result<T>) -> Result<T> {
+/// Does two things at the same time, because both have long steps that use one core only or wait. They use folders of
+/// their own.
+fn beside<T>(one: impl FnOnce() -> Result<()> + Send, other: impl FnOnce() -> Result<T>) -> Result<T> {
     std::thread::scope(|scope| {
-        let board = scope.spawn(board);
-        let built = desktop();
-        board.join().unwrap_or_else(|_| bail!("building the firmware panicked"))?;
-        built
+        let one = scope.spawn(one);
+        let done = other();
+        one.join().unwrap_or_else(|_| bail!("a step panicked"))?;
+        done
     })
 }
 
@@ -127,7 +126,7 @@ pub fn tools_and_firmware(folders: &Folders) -> Result<()> {
 /// Builds everything and tests the Python package.
 pub fn python(folders: &Folders) -> Result<()> {
     tools_and_firmware(folders)?;
-    python::test(folders)
+    python::test(folders, &python::wheel_to_test(folders)?)
 }
 
 /// Builds everything and tests the page of `tsa-lab report`.

@@ -162,16 +162,20 @@ fn alone(folders: &Folders, wheel: &Path) -> Result<()> {
     Ok(fs::remove_dir_all(folders.target.join(own))?)
 }
 
-/// Builds the complete wheel and tries it alone; installs it with what its tests need, checks its types and its style, and runs its
-/// tests. Tools and firmware must be built.
-pub fn test(folders: &Folders) -> Result<()> {
+/// Builds the complete wheel for its tests. Tools and firmware must be built.
+pub fn wheel_to_test(folders: &Folders) -> Result<PathBuf> {
     let wheels = folders.target.join("python-wheel");
     empty(&wheels)?;
     wheel(folders, &wheels)?;
     let wheel = files_in(&wheels)?.pop().context("there is no wheel")?;
     println!("{} ({} kB)", wheel.display(), fs::metadata(&wheel)?.len() / 1000);
+    Ok(wheel)
+}
+
+/// Tries the wheel alone; installs it with what its tests need, checks its types and its style, and runs its tests.
+pub fn test(folders: &Folders, wheel: &Path) -> Result<()> {
     step("wheel of the Python package, alone in an empty environment");
-    alone(folders, &wheel)?;
+    alone(folders, wheel)?;
 
     let python = interpreter(folders)?;
     let python = python.to_string_lossy();
@@ -179,7 +183,7 @@ pub fn test(folders: &Folders) -> Result<()> {
     let install = ["-m", "pip", "install", "--quiet", "--disable-pip-version-check"];
     run(python().args(install).arg(format!("{}[test]", wheel.display())))?;
     // One of the same version may be there.
-    run(python().args(install).args(["--force-reinstall", "--no-deps"]).arg(&wheel))?;
+    run(python().args(install).args(["--force-reinstall", "--no-deps"]).arg(wheel))?;
     run(python().args(["-m", "mypy", "--cache-dir"]).arg(folders.target.join("mypy")).args(["python", "tests"]))?;
     run(python().args(["-m", "ruff", "check", "--quiet", "--no-cache", "."]))?;
     let programs = folders.target.join("release");

@@ -10,7 +10,7 @@
 //! `G += (1 − z³) e`, `G' += (1.5 (1 − z²)(1 − z)/Δt − ω² Δt) e`, `W += m (1 − z)³/Δt² e`.
 
 use crate::mechanism::Mechanism;
-use crate::sensors::STALLED_US;
+use crate::sensors::OLD_US;
 use crate::{TICK_S, seconds};
 
 /// Decay λ of the observer's errors (1/s): slow enough for 10 ms of delay that is not known, and for the noise of the gap.
@@ -72,7 +72,7 @@ impl LoadMotion {
     /// Takes a measurement at a twist (rad).
     pub fn step(&mut self, mechanism: &Mechanism<'_>, twist_rad: f32, measured: &Measured) {
         let Measured { gap_m, step_s } = *measured;
-        if step_s > seconds(STALLED_US) {
+        if step_s > seconds(OLD_US) {
             *self = Self::at_rest(mechanism, gap_m, twist_rad, self.weight_n);
         } else if step_s > 0.0 {
             *self = self.after(step_s, twist_rad);

@@ -11,12 +11,9 @@ use tsa_table::{Point, Table};
 /// Bounds of the scale: a string outside them is not the one that the table was made for.
 pub const TWIST_SCALE: [f32; 2] = Setting::TwistScale.spec().range;
 
-/// How far outside the table's twists a move may begin and a load is still estimated (rad): the half-turn pre-twist is the
-/// end of the range, and homing finds it within less.
-pub const OUTSIDE_RAD: f32 = 0.2;
-
-/// How far beyond the table's twists a tangent continues it (rad): what the scale can shift the pre-twist by.
-const TANGENT_RAD: f32 = 0.5;
+/// How far outside the table's twists a move may begin, a load is still estimated, and the strings may be without a fault (rad):
+/// the half-turn pre-twist is the end of the range, and homing finds it within less.
+pub const OUTSIDE_RAD: f32 = 0.3;
 
 /// Minimum slope of the gap over the twist, as a fraction of the table's. Strings that are twisted always shorten; a residual curve
 /// that says otherwise must not reverse the sign of TR, and with it the direction of the control.
@@ -35,13 +32,13 @@ pub struct Mechanism<'t> {
 
 impl Mechanism<'_> {
     /// Measured gap and its gradient at a load (N) and a twist (rad), each moved to the table's edge where it is outside; the
-    /// gap a little beyond an end of the twist follows the tangent.
+    /// gap beyond an end of the twist follows the tangent.
     pub fn at(&self, load_n: f32, twist_rad: f32) -> Point {
         let m = &self.table.metadata;
         let scaled_rad = self.twist_scale * twist_rad;
         let inside_rad = scaled_rad.clamp(m.twist_min_rad, m.twist_max_rad);
         let mut point = self.table.point_inside(load_n, inside_rad);
-        point.gap_m += point.dgap_dtwist_m_per_rad * (scaled_rad - inside_rad).clamp(-TANGENT_RAD, TANGENT_RAD);
+        point.gap_m += point.dgap_dtwist_m_per_rad * (scaled_rad - inside_rad);
         let (beside_m, slope_m_per_rad) = self.curve.at(twist_rad);
         point.gap_m += beside_m;
         let scaled = self.twist_scale * point.dgap_dtwist_m_per_rad;

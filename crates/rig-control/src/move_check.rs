@@ -1,15 +1,12 @@
 //! Whether a move is possible: one decision for the board, which asks it of a homed rig, and for a plan without a board.
 
 use crate::mechanism::{Mechanism, OUTSIDE_RAD};
+use crate::observer::TRAVEL_M;
 use rig_link::messages::{LoadChoice, Parameter, Refusal, Setting, SettingValues};
 use tsa_table::Metadata;
 
 /// Minimum speed that can be asked of the load (m/s).
 pub const SPEED_MIN_M_PER_S: f32 = 1e-5;
-/// How far (m) a load may hang lower at the pre-twist than its estimate says: 0.19 mm was the most of 128 changed loads. As
-/// many hung up to 0.17 mm higher, and moves below that end where the strings do.
-const HANGS_M: f32 = 0.2e-3;
-
 /// A move that is asked for.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MoveRequest {
@@ -89,12 +86,12 @@ impl MoveStart<'_> {
         in_range(Parameter::Speed, request.speed_m_per_s, SPEED_MIN_M_PER_S, speed_max_m_per_s)?;
         let [lowest_m, highest_m] = self.travel_m(load_n);
         let target_m = request.target_m;
-        // Only the end that lies ahead counts. Targets in the uncertain band at the lower end are attempted; the refusal
-        // names the certain end.
+        // Only the end that lies ahead counts. A load may hang a little lower than its estimate says, so targets a little below the
+        // lower end are attempted; the refusal names the end that is certain.
         let possible = if target_m > self.position_m {
             target_m <= highest_m
         } else {
-            target_m >= (lowest_m - HANGS_M).max(self.pretwist_m())
+            target_m >= (lowest_m - TRAVEL_M).max(self.pretwist_m())
         };
         if possible {
             return Ok(());

@@ -65,17 +65,17 @@ impl LvdtReading {
     }
 }
 
-/// Code below which a wire is taken for broken: 1 % of the range; a pull-down takes an open lead there
-/// (docs/reference/hardware.md 2.2).
-const OPEN_BELOW: f32 = 41.0;
-/// Code above which the signal is taken for shorted to the supply: 99 % of the range.
-const SHORT_ABOVE: f32 = 4054.0;
+/// Codes at each end of the 12-bit range that are no position, 1 % of it: at the lower end, where a pull-down takes an open
+/// lead (docs/reference/hardware.md 2.2), a wire is taken for broken; at the upper end the signal is taken for shorted to
+/// the supply.
+const END_CODES: f32 = 41.0;
 /// Rms noise (codes) above which the signal is not trusted: 0.8 mm, 15 times a healthy one.
 const NOISE_LIMIT: f32 = 15.0;
 /// Blocks without any noise after which the signal is taken for frozen: 0.3 s, as each tick reads one.
 const FROZEN_BLOCKS: u32 = 30;
-/// Age (µs) at which blocks are taken to have stopped: eight block times.
-pub(crate) const STALLED_US: u64 = 50_000;
+/// Age (µs) past which a reading counts as missing: five of the 10 ms periods in which the drive reports (crates/rmds405/README.md
+/// 2.6), and nine blocks of the LVDT.
+pub(crate) const OLD_US: u64 = 55_000;
 
 /// Age of a block's mean at the end of the block (s): half the block (256 samples in 6 ms) and the sensor's own first-order
 /// delay at 200 Hz (docs/reference/hardware.md 2.2, assumed).
@@ -103,11 +103,7 @@ impl Lvdt {
     /// The reading now, from the newest block.
     pub fn read(&mut self, now_us: u64, block: Option<LvdtBlock>, rig: &RigConstants) -> LvdtReading {
         let Some(block) = block else {
-            return if now_us > 20 * STALLED_US {
-                LvdtReading::Invalid(Fault::LvdtStalled)
-            } else {
-                LvdtReading::NotYet
-            };
+            return if now_us > 20 * OLD_US { LvdtReading::Invalid(Fault::LvdtStalled) } else { LvdtReading::NotYet };
         };
         if block.t_us != self.last_t_us {
             self.last_t_us = block.t_us;
@@ -115,11 +111,11 @@ impl Lvdt {
         }
         if !(block.mean_code.is_finite() && block.variance.is_finite()) {
             LvdtReading::Invalid(Fault::NotFinite)
-        } else if now_us.saturating_sub(block.t_us) > STALLED_US {
+        } else if now_us.saturating_sub(block.t_us) > OLD_US {
             LvdtReading::Invalid(Fault::LvdtStalled)
-        } else if block.mean_code < OPEN_BELOW {
+        } else if block.mean_code < END_CODES {
             LvdtReading::Invalid(Fault::LvdtOpen)
-        } else if block.mean_code > SHORT_ABOVE {
+        } else if block.mean_code > 4095.0 - END_CODES {
             LvdtReading::Invalid(Fault::LvdtShort)
         } else if block.is_noisier_than(NOISE_LIMIT) {
             LvdtReading::Invalid(Fault::LvdtNoisy)
@@ -181,7 +177,7 @@ mod tests {
         assert_eq!(read(2000.0, f32::INFINITY), LvdtReading::Invalid(Fault::NotFinite));
         assert!(matches!(read(2000.0, 150.0), LvdtReading::Valid { .. }));
         // The limits themselves are healthy.
-        for (mean, variance) in [(OPEN_BELOW, 1.0), (SHORT_ABOVE, 1.0), (2000.0, NOISE_LIMIT * NOISE_LIMIT)] {
+        for (mean, variance) in [(END_CODES, 1.0), (4095.0 - END_CODES, 1.0), (2000.0, NOISE_LIMIT * NOISE_LIMIT)] {
             assert!(matches!(read(mean, variance), LvdtReading::Valid { .. }), "{mean} {variance}");
         }
         let LvdtReading::Valid { gap_m, .. } = read(2000.0, 1.0) else { panic!() };
@@ -207,8 +203,8 @@ mod tests {
         let mut lvdt = Lvdt::new();
         assert_eq!(lvdt.read(1000, None, &RIG), LvdtReading::NotYet);
         assert_eq!(lvdt.read(2_000_000, None, &RIG), LvdtReading::Invalid(Fault::LvdtStalled));
-        assert_eq!(lvdt.read(20 * STALLED_US, None, &RIG), LvdtReading::NotYet);
-        assert!(matches!(lvdt.read(12_000 + STALLED_US, block(12_000, 2000.0, 1.0), &RIG), LvdtReading::Valid { .. }));
+        assert_eq!(lvdt.read(20 * OLD_US, None, &RIG), LvdtReading::NotYet);
+        assert!(matches!(lvdt.read(12_000 + OLD_US, block(12_000, 2000.0, 1.0), &RIG), LvdtReading::Valid { .. }));
         assert!(matches!(lvdt.read(60_000, block(12_000, 2000.0, 1.0), &RIG), LvdtReading::Valid { .. }));
         assert_eq!(lvdt.read(70_000, block(12_000, 2000.0, 1.0), &RIG), LvdtReading::Invalid(Fault::LvdtStalled));
     }

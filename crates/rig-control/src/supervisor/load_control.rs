@@ -21,8 +21,7 @@ const BACK_JUMPS: f32 = 2.0;
 /// distance (m) on it is slower, and from the second on it has the smallest fraction of the motor's speed.
 const BEHIND_M: [f32; 2] = [0.5e-3, 1.5e-3];
 const MIN_FRACTION: f32 = 0.05;
-/// Time at the end of the strings' travel after which a move is over; longest wait for that or for the load.
-const END_TICKS: u16 = ticks(100);
+/// Longest wait for the load, or for the strings to have stood at the end of their travel.
 const PATIENCE_TICKS: u16 = ticks(600);
 
 /// Set-point of the load, and the loop that keeps the load there.
@@ -239,7 +238,7 @@ impl Move {
         let near_m = Self::arrived_m(load).max(if self.comes_again(load) { 0.0 } else { left_m });
         let near = !self.goes_back && error_m.abs() < near_m;
         let arrived = lasts(&mut self.near_ticks, near, SHORT_TICKS);
-        let ended = lasts(&mut self.end_ticks, at_end, END_TICKS);
+        let ended = lasts(&mut self.end_ticks, at_end, SHORT_TICKS);
         self.rest_ticks += 1;
         arrived || ended || self.rest_ticks >= PATIENCE_TICKS
     }

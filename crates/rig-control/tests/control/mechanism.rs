@@ -27,13 +27,13 @@ fn strings_of_another_radius_act_as_if_they_were_twisted_by_the_scale() {
 }
 
 #[test]
-fn a_tangent_goes_on_at_both_ends_of_the_twist_for_half_a_radian() {
+fn a_tangent_goes_on_at_both_ends_of_the_twist() {
     let plain = Mechanism { table: *table(), twist_scale: 1.0, curve: GapCurve::constant(0.0) };
     let m = &table().metadata;
     for (end_rad, outwards) in [(m.twist_min_rad, -1.0), (m.twist_max_rad, 1.0)] {
         let end = plain.at(LOAD_N, end_rad);
-        for (beyond_rad, counts_rad) in [(0.3f32, 0.3f32), (0.6, 0.5)] {
-            let expected_m = end.gap_m + outwards * counts_rad * end.dgap_dtwist_m_per_rad;
+        for beyond_rad in [0.3, 0.6] {
+            let expected_m = end.gap_m + outwards * beyond_rad * end.dgap_dtwist_m_per_rad;
             assert!((plain.at(LOAD_N, end_rad + outwards * beyond_rad).gap_m - expected_m).abs() < 1e-7);
         }
         assert!(plain.covers(end_rad + outwards * 0.99 * OUTSIDE_RAD));

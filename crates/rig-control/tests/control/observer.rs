@@ -231,11 +231,11 @@ fn a_measurement_that_comes_again_changes_nothing_and_one_after_a_gap_begins_ane
     assert_eq!(motion, before);
     motion.step(&mechanism(), TWIST_RAD, &Measured { gap_m: gap_m(LOAD_N) + 1e-3, step_s: 0.01 });
     assert!(motion.speed_m_per_s > 0.0 && motion.weight_n > LOAD_N);
-    motion.step(&mechanism(), TWIST_RAD, &Measured { gap_m: gap_m(4.0), step_s: 0.051 });
+    motion.step(&mechanism(), TWIST_RAD, &Measured { gap_m: gap_m(4.0), step_s: 0.056 });
     assert_eq!((motion.gap_m, motion.speed_m_per_s), (gap_m(4.0), 0.0));
     near(motion.weight_n, 4.0, 0.01);
-    // After no more than 0.05 s it goes on: half a newton more is not taken for granted.
-    motion.step(&mechanism(), TWIST_RAD, &Measured { gap_m: gap_m(4.5), step_s: 0.05 });
+    // After no more than 0.055 s it goes on: half a newton more is not taken for granted.
+    motion.step(&mechanism(), TWIST_RAD, &Measured { gap_m: gap_m(4.5), step_s: 0.055 });
     assert!((4.0..4.3).contains(&motion.weight_n), "{}", motion.weight_n);
     // However light it seems, it has a weight: 0.3 of the table's least load.
     for _ in 0..200 {

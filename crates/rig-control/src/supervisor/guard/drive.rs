@@ -2,13 +2,11 @@
 
 use super::super::{Inputs, lasts};
 use super::{BRIEF_TICKS, Situation};
-use crate::sensors::DriveReading;
+use crate::sensors::{DriveReading, OLD_US};
 use crate::{RigConstants, seconds, whole_counts};
 use core::f32::consts::TAU;
 use rig_link::messages::{Fault, Faults};
 
-/// Age (µs) at which the drive's reports count as missing: five of its 10 ms periods (crates/rmds405/README.md 2.6).
-const DRIVE_SILENT_US: u64 = 55_000;
 /// Maximum that own encoder and drive may differ (counts), at rest and for each count per second of speed, once the report
 /// has been brought forward by its age (src/README.md 3): what is left is the bus, both tasks, and the drive's coarse
 /// speed. A slipped motor turn, 4096 counts, must show.
@@ -38,7 +36,7 @@ pub(in crate::supervisor) struct DriveChecks {
 
 /// Whether a report of this time says nothing about now.
 pub(super) fn is_silent(now_us: u64, report_us: u64) -> bool {
-    now_us.saturating_sub(report_us) > DRIVE_SILENT_US
+    now_us.saturating_sub(report_us) > OLD_US
 }
 
 /// When the report came that shows the supply out of its limits now (µs), if it is.

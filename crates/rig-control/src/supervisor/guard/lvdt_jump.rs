@@ -5,8 +5,8 @@
 //! before, steps, and goes on as before is the sensor's doing.
 //! A smaller or slower shift looks like another load (`load-unknown`).
 
-/// Minimum step (m) within [`STEP_TICKS`].
-const JUMP_M: f32 = 1.0e-3;
+/// Minimum step (m) within [`STEP_TICKS`]: farther than any motor moves the load in a tick.
+pub(super) const JUMP_M: f32 = 1.0e-3;
 /// Blocks of samples are 6 ms long: a step within one is spread over two ticks at most. As many ticks without a reading may lie
 /// between, because the block in which the step falls is too noisy to be a position.
 const STEP_TICKS: usize = 2;

@@ -4,6 +4,7 @@ use super::super::fault_policy::{Latched, Response};
 use super::super::sensing::DriveZero;
 use super::super::{STANDING_RPM, lasts};
 use super::{BRIEF_TICKS, SHORT_TICKS, Situation, drive};
+use crate::mechanism::OUTSIDE_RAD;
 use crate::sensors::DriveReading;
 use crate::whole_counts;
 use core::f32::consts::TAU;
@@ -13,8 +14,6 @@ use rig_link::messages::State;
 /// that is stopped from a fast move of the emulated rig; and how far besides while it turns (s of its speed).
 const LAG_RAD: f32 = 0.8;
 const LAG_S: f32 = 0.25;
-/// How far the strings may go past their range (rad), or past where they stood at a `clear`.
-const PAST_TWIST_RAD: f32 = 0.3;
 
 /// How far the shaft of a healthy drive may stay behind a set-point that turns at a speed (rad/s), rad.
 pub(in crate::supervisor) fn healthy_lag_rad(speed_rad_per_s: f32) -> f32 {
@@ -38,7 +37,7 @@ pub(in crate::supervisor) struct ShaftChecks {
 impl ShaftChecks {
     /// After a `clear` at this twist (rad).
     pub(super) fn cleared(twist_rad: Option<f32>) -> Self {
-        let cleared_twist_rad = twist_rad.map_or(0.0, |twist_rad| twist_rad.abs() + PAST_TWIST_RAD);
+        let cleared_twist_rad = twist_rad.map_or(0.0, |twist_rad| twist_rad.abs() + OUTSIDE_RAD);
         Self { cleared_twist_rad, ..Self::default() }
     }
 
@@ -74,12 +73,12 @@ impl ShaftChecks {
         lasts(&mut self.away_ticks, held && away, BRIEF_TICKS)
     }
 
-    /// The twist is farther out than the strings' range, or than where it was cleared. Nearer, the bound follows it.
+    /// The twist is farther out than the strings' range, or than where it was cleared, by more than [`OUTSIDE_RAD`]. Nearer, the bound follows it.
     pub(super) fn twist_is_outside(&mut self, situation: &Situation<'_>) -> bool {
         let Some(tracking) = situation.tracking else { return false };
         let twist_rad = tracking.twist_rad(situation.readings.shaft_rad).abs();
-        let max_rad = (situation.table.twist_max_rad + PAST_TWIST_RAD).max(self.cleared_twist_rad);
-        self.cleared_twist_rad = self.cleared_twist_rad.min(twist_rad + PAST_TWIST_RAD);
+        let max_rad = (situation.table.twist_max_rad + OUTSIDE_RAD).max(self.cleared_twist_rad);
+        self.cleared_twist_rad = self.cleared_twist_rad.min(twist_rad + OUTSIDE_RAD);
         twist_rad > max_rad
     }
 
