@@ -9,8 +9,6 @@ use crate::load_state::LoadState;
 use crate::planner::SetPoint;
 use crate::ramp::Ramp;
 
-/// Fraction of the way that is turned ahead: a friction that is known badly must not push the load.
-const FRACTION: f32 = 0.95;
 /// Fraction of the motor's speed and acceleration for that; the rest is the move's.
 const LIMITS_FRACTION: f32 = 0.7;
 
@@ -145,7 +143,7 @@ impl FrictionCompensation {
         // A pull that is already past the end of the band needs nothing.
         if direction * (end_n - pull_n) > 0.0 {
             let missing_m = (end.gap_m - load.mechanism.at(pull_n, load.twist_rad).gap_m) * direction;
-            self.end_rad += FRACTION * direction * tr_rad_per_m * missing_m.clamp(0.0, 1.25 * band_m);
+            self.end_rad += direction * tr_rad_per_m * missing_m.clamp(0.0, 1.25 * band_m);
         }
     }
 }
