@@ -34,7 +34,7 @@ const THIN_PER_S: f32 = 36.0;
 pub const BANDWIDTH_PER_S: f32 = POLES[0] * FULL_PER_S;
 /// Speed over error (1/s) at which the strings turn for a load that sticks: slow enough that it is seen to move before it is past
 /// its target.
-const STUCK_PER_S: f32 = 5.0;
+const STUCK_PER_S: f32 = 2.0;
 
 /// A load off its set-point that does not travel while the pull of its strings changes by so much is jammed: the sum of a least
 /// change (N), since a small friction is not known well, of a fraction of the load, and of a multiple of the friction. Turned

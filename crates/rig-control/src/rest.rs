@@ -9,8 +9,6 @@ use crate::homing::NINETY_PERCENT;
 use crate::load_state::LoadState;
 use crate::observer::SETTLED_TICKS;
 
-/// Fraction of a jump below which an error is left alone.
-pub const JUMP_FRACTION: f32 = 0.55;
 /// Ticks in which a load has not left its place, after which it stands. Its speed is not asked: the observer expects a load
 /// that sticks to go along with its strings.
 const STILL_TICKS: u16 = 8;
@@ -46,9 +44,9 @@ pub struct Rest {
 }
 
 impl Rest {
-    /// Error (m) at rest that stiction does not let the loop reduce, where homing saw jumps of a load so long (m).
+    /// Error (m) at rest that stiction does not let the loop reduce, half a jump, where homing saw jumps of a load so long (m).
     pub fn tolerance_m(&self, jump_m: f32) -> f32 {
-        JUMP_FRACTION * self.jump_m.unwrap_or(jump_m)
+        0.5 * self.jump_m.unwrap_or(jump_m)
     }
 
     /// Error (m) below which a load at rest is left alone, with a noise of the gap in one tick (m, rms).

@@ -13,7 +13,6 @@ use rig_control::homing;
 use rig_control::homing::load_estimate::MIN_GAP_ERROR_M;
 use rig_control::limits::rise_s;
 use rig_control::position_loop::BANDWIDTH_PER_S;
-use rig_control::rest::JUMP_FRACTION;
 use rig_link::messages::LVDT_POINTS_MAX;
 use rig_plant::rig::effects::{
     CREEP_TIMES_S, LVDT_GAIN_PER_K, ROD_STRESS_PER_K, ROD_THRESHOLDS, RUN_IN_CYCLES, TURNS_PER_CYCLE, rod_onset,
@@ -181,7 +180,7 @@ impl Effects<'_> {
             part: Part::Friction,
             position_m: self.column.each(|s| {
                 let jump_m = 2.0 * more * coulomb_n(s) * s.by_load;
-                f64::from(JUMP_FRACTION) * jump_m / 3f64.sqrt()
+                0.5 * jump_m / 3f64.sqrt()
             }),
             load: self.column.each(|s| {
                 let homed = falls(homing_rad_per_s * s.by_twist);

@@ -4,7 +4,7 @@
 use crate::fixture::hanging;
 use rig_control::homing::NINETY_PERCENT;
 use rig_control::load_state::LoadState;
-use rig_control::rest::{JUMP_FRACTION, Rest, Standing};
+use rig_control::rest::{Rest, Standing};
 
 /// 10 N with 2 N of friction: a jump as long as friction over stiffness is some millimetres.
 fn load() -> LoadState<'static> {
@@ -51,9 +51,9 @@ fn noise_of_the_gap_widens_what_is_left_alone() {
 fn half_of_a_jump_that_homing_saw_is_left_alone() {
     let mut load = load();
     load.jump_m = 0.4e-3;
-    assert_eq!(at(&mut Rest::default(), 0.21e-3, 20, &load), Standing::LeftAlone);
-    assert!(matches!(at(&mut Rest::default(), 0.23e-3, 20, &load), Standing::Beside(_)));
-    assert_eq!(at(&mut Rest::default(), -0.21e-3, 20, &load), Standing::LeftAlone);
+    assert_eq!(at(&mut Rest::default(), 0.19e-3, 20, &load), Standing::LeftAlone);
+    assert!(matches!(at(&mut Rest::default(), 0.21e-3, 20, &load), Standing::Beside(_)));
+    assert_eq!(at(&mut Rest::default(), -0.19e-3, 20, &load), Standing::LeftAlone);
 }
 
 #[test]
@@ -61,14 +61,14 @@ fn what_is_left_alone_is_taken_care_of_when_it_has_crept_away() {
     let mut load = load();
     load.jump_m = 0.4e-3;
     let mut rest = Rest::default();
-    assert_eq!(at(&mut rest, 0.2e-3, 40, &load), Standing::LeftAlone);
+    assert_eq!(at(&mut rest, 0.18e-3, 40, &load), Standing::LeftAlone);
     // Slower than what counts as motion.
     let creep = |rest: &mut Rest, to_m: f32| {
         (0..400u16)
-            .fold(Standing::Moves, |_, k| rest.step(true, 0.2e-3 + (to_m - 0.2e-3) * f32::from(k) / 399.0, &load))
+            .fold(Standing::Moves, |_, k| rest.step(true, 0.18e-3 + (to_m - 0.18e-3) * f32::from(k) / 399.0, &load))
     };
-    assert_eq!(creep(&mut rest, 0.21e-3), Standing::LeftAlone);
-    assert!(matches!(creep(&mut rest, 0.25e-3), Standing::Beside(_) | Standing::Moves));
+    assert_eq!(creep(&mut rest, 0.19e-3), Standing::LeftAlone);
+    assert!(matches!(creep(&mut rest, 0.23e-3), Standing::Beside(_) | Standing::Moves));
 }
 
 #[test]
@@ -76,16 +76,16 @@ fn a_way_past_the_target_is_a_jump_less_twice_what_the_strings_have_turned() {
     let mut load = load();
     let mut rest = Rest::default();
     jumps(&mut rest, &[0.3e-3, -0.1e-3], &load);
-    assert!((rest.tolerance_m(0.0) / (JUMP_FRACTION * 0.4e-3) - 1.0).abs() < 1e-3, "{}", rest.tolerance_m(0.0));
+    assert!((rest.tolerance_m(0.0) / (0.5 * 0.4e-3) - 1.0).abs() < 1e-3, "{}", rest.tolerance_m(0.0));
     // The strings have turned for a quarter of the way, and a load without stiction swings twice as far.
     let mut rest = Rest::default();
     at(&mut rest, 0.3e-3, 40, &load);
     load.twist_rad += 0.1e-3 * load.observation.point.tr_rad_per_m();
     at(&mut rest, -0.1e-3, 40, &load);
-    assert!((rest.tolerance_m(0.0) / (JUMP_FRACTION * 0.2e-3) - 1.0).abs() < 1e-2, "{}", rest.tolerance_m(0.0));
+    assert!((rest.tolerance_m(0.0) / (0.5 * 0.2e-3) - 1.0).abs() < 1e-2, "{}", rest.tolerance_m(0.0));
     // Short of the target it tells that a jump is no longer than that.
     jumps(&mut rest, &[-0.3e-3, -0.2e-3], &load);
-    assert!((rest.tolerance_m(0.0) / (JUMP_FRACTION * 0.1e-3) - 1.0).abs() < 1e-2, "{}", rest.tolerance_m(0.0));
+    assert!((rest.tolerance_m(0.0) / (0.5 * 0.1e-3) - 1.0).abs() < 1e-2, "{}", rest.tolerance_m(0.0));
 }
 
 #[test]
@@ -93,9 +93,9 @@ fn a_load_that_moves_within_what_is_left_alone_stays_left_alone() {
     let mut load = load();
     load.jump_m = 0.4e-3;
     let mut rest = Rest::default();
-    assert_eq!(at(&mut rest, 0.2e-3, 40, &load), Standing::LeftAlone);
-    assert_eq!(at(&mut rest, -0.2e-3, 1, &load), Standing::LeftAlone);
-    assert_eq!(at(&mut rest, -0.2e-3, 40, &load), Standing::LeftAlone);
+    assert_eq!(at(&mut rest, 0.19e-3, 40, &load), Standing::LeftAlone);
+    assert_eq!(at(&mut rest, -0.19e-3, 1, &load), Standing::LeftAlone);
+    assert_eq!(at(&mut rest, -0.19e-3, 40, &load), Standing::LeftAlone);
     // Two readings outside are motion, at once.
     at(&mut rest, -0.5e-3, 2, &load);
     assert_eq!(at(&mut rest, -0.5e-3, 1, &load), Standing::Moves);
