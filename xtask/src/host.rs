@@ -33,6 +33,7 @@ pub fn test(folders: &Folders) -> Result<()> {
     check_used(&packages)?;
     licences::check(folders, &packages)?;
     // The tests start the images and the tools, so all of them must be built first.
+    // Before the tests, because building it puts files into the tree, which one of them walks.
     step("wheel of the Python package");
     let wheel = python::wheel_to_test(folders)?;
     step("tests; those that play on the emulated board take minutes each");
@@ -46,14 +47,17 @@ pub fn test(folders: &Folders) -> Result<()> {
     run(cargo(folders).args(["test", "--release", "--doc"]).args(DESKTOP))
 }
 
-/// Does two things at the same time, because both have long steps that use one core only or wait. They use folders of
-/// their own.
+/// Does two things at the same time, because both have long steps that use one core only or wait. If both fail, the error names
+/// both.
 fn beside<T>(one: impl FnOnce() -> Result<()> + Send, other: impl FnOnce() -> Result<T>) -> Result<T> {
     std::thread::scope(|scope| {
         let one = scope.spawn(one);
-        let done = other();
-        one.join().unwrap_or_else(|_| bail!("a step panicked"))?;
-        done
+        let other = other();
+        match (one.join().unwrap_or_else(|_| bail!("a step panicked")), other) {
+            (Ok(()), other) => other,
+            (Err(one), Ok(_)) => Err(one),
+            (Err(one), Err(other)) => bail!("{other:#}\n{one:#}"),
+        }
     })
 }
 
@@ -152,9 +156,23 @@ pub fn demo(folders: &Folders, rest: &[String]) -> Result<()> {
 
 #[cfg(test)]
 mod tests {
+    use super::beside;
     use crate::process::files_in;
+    use anyhow::{Result, bail};
     use std::collections::BTreeSet;
     use std::path::Path;
+
+    #[test]
+    fn of_two_things_at_a_time_each_failure_is_named() {
+        fn fails(name: &str) -> Result<u8> {
+            bail!("{name} failed")
+        }
+        assert_eq!(beside(|| Ok(()), || Ok(3)).unwrap(), 3);
+        let error = |one: fn() -> Result<()>, other: fn() -> Result<u8>| beside(one, other).unwrap_err().to_string();
+        assert_eq!(error(|| Ok(()), || fails("other")), "other failed");
+        assert_eq!(error(|| fails("one").map(drop), || Ok(3)), "one failed");
+        assert_eq!(error(|| fails("one").map(drop), || fails("other")), "other failed\none failed");
+    }
 
     #[test]
     fn the_book_has_every_page_once() {

@@ -106,16 +106,14 @@ fn the_firmwares_loop_swings_from_the_gain_and_from_the_delay_on_at_which_it_sho
         let by_gain = |part: f64| Loosened { gain: part * gain, delay_s: 0.0 };
         let by_delay = |part: f64| Loosened { gain: 1.0, delay_s: part * delay_s };
         for [below, above] in [[by_gain(0.85), by_gain(1.15)], [by_delay(0.8), by_delay(1.25)]] {
-            // A load that sticks off its place is approached more slowly than a loop with so long a delay swings: it is pushed
-            // farther, so that it does not stand.
+            // Where the delay is long, a load that is pushed a little stands and is approached slowly. Heavier loads, pushed as far,
+            // reach the motor's speed limit, which makes the margin smaller.
             let left = if above.delay_s > 0.1 { 0.95 } else { 0.99 };
             let oscillation = |loosened| 1e6 * oscillation_m(bench.clone(), load_kg, left, loosened).unwrap();
             let oscillations = [oscillation(below), oscillation(above)];
             println!("{load_kg} kg: {oscillations:.0?} um with {below:.3?} and {above:.3?}");
             assert!(oscillations[0] < 60.0, "{load_kg} kg: swings with {below:?}");
-            // One that tolerates a tenth of a second swings so slowly that it has not grown far in this time.
-            let min_um = if above.delay_s > 0.1 { 50.0 } else { 300.0 };
-            assert!(oscillations[1] > min_um, "{load_kg} kg: does not swing with {above:?}");
+            assert!(oscillations[1] > 300.0, "{load_kg} kg: does not swing with {above:?}");
         }
     }
 }

@@ -120,6 +120,22 @@ fn a_load_that_waits_for_its_friction_gets_no_feedback() {
 }
 
 #[test]
+fn a_load_that_stands_beside_its_target_is_approached_at_twice_its_error_per_second() {
+    let load = load();
+    for target_m in [1e-3, -1e-3] {
+        let mut position_loop = PositionLoop::default();
+        let mut speed = || {
+            let output = position_loop.step(&SetPoint::at(target_m), false, &load);
+            output.twist_speed_rad_per_s / load.observation.point.tr_rad_per_m()
+        };
+        let moves = (0..7).map(|_| speed()).last().unwrap();
+        assert!(moves / target_m > 5.0, "not known to stand yet: {moves}");
+        let stands = speed();
+        assert!(same(stands, 2.0 * target_m), "{stands}");
+    }
+}
+
+#[test]
 fn strings_turn_no_further_against_a_jammed_load_but_back() {
     let mut jammed = load();
     let mut control = PositionLoop::default();

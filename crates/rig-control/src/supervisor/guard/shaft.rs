@@ -73,7 +73,8 @@ impl ShaftChecks {
         lasts(&mut self.away_ticks, held && away, BRIEF_TICKS)
     }
 
-    /// The twist is farther out than the strings' range, or than where it was cleared, by more than [`OUTSIDE_RAD`]. Nearer, the bound follows it.
+    /// The twist is farther out than the strings' range, or than where it was cleared, by more than [`OUTSIDE_RAD`]. Nearer, the
+    /// bound follows it.
     pub(super) fn twist_is_outside(&mut self, situation: &Situation<'_>) -> bool {
         let Some(tracking) = situation.tracking else { return false };
         let twist_rad = tracking.twist_rad(situation.readings.shaft_rad).abs();
