@@ -13,10 +13,9 @@ use rig_link::messages::LoadChoice;
 
 /// Maximum drift of the scale from that of homing.
 pub const LARGEST_DRIFT: f32 = 0.03;
-/// Fraction of a move's slope that is learned.
-const FRACTION: f32 = 0.3;
-/// Minimum spread (rms, N) of x along a move to learn from: 1 % of scale is then 0.015 N.
-const MIN_SPREAD_N: f32 = 1.5;
+/// Spread (rms, N) of x along a move of whose slope half is learned: what a move does not show of a drift is as large as the drift
+/// itself. Less is learned from a shorter move.
+const HALF_LEARNED_N: f32 = 3.0;
 /// Minimum spread (rms, N) to judge whether the bound is kept: on healthy rigs the slope of a move is then within 0.016, after
 /// a slip of 3 mm it is 0.04 and more.
 const MIN_SPREAD_TO_JUDGE_N: f32 = 0.3;
@@ -102,8 +101,10 @@ impl Adaptation {
     /// Ends a move at a scale; its result.
     fn end_move(&mut self, twist_scale: f32, known: KnownErrors) -> Finding {
         let slope = self.together / self.spread;
-        let spread = |min_n: f32| self.count >= f32::from(SETTLED_TICKS) && self.spread >= self.count * min_n * min_n;
-        let (can_learn, can_judge) = (spread(MIN_SPREAD_N), spread(MIN_SPREAD_TO_JUDGE_N));
+        let variance_n2 = self.spread / self.count;
+        let can_judge =
+            self.count >= f32::from(SETTLED_TICKS) && variance_n2 >= MIN_SPREAD_TO_JUDGE_N * MIN_SPREAD_TO_JUDGE_N;
+        let learned = variance_n2 / (variance_n2 + HALF_LEARNED_N * HALF_LEARNED_N);
         self.forget_move();
         if !can_judge || !slope.is_finite() {
             return Finding { scale_change: 0.0, agrees: None };
@@ -115,7 +116,7 @@ impl Adaptation {
         self.doubtful = if doubtful { self.doubtful.saturating_add(1) } else { 0 };
         let agrees = Some(drift <= bound);
         // What is beyond the bound is no drift, and teaches nothing about it.
-        let scale = twist_scale + if can_learn && drift <= LARGEST_DRIFT { FRACTION * slope } else { 0.0 };
+        let scale = twist_scale + if drift <= LARGEST_DRIFT { learned * slope } else { 0.0 };
         Finding { scale_change: scale.clamp(TWIST_SCALE[0], TWIST_SCALE[1]) - twist_scale, agrees }
     }
 
@@ -147,6 +148,19 @@ mod tests {
         for drift in [-0.01f32, 0.02] {
             let scale = learn(1.0 + drift, 20, |_| 5.0);
             assert!((scale - 1.0 - drift).abs() < 1e-3, "{scale}");
+        }
+    }
+
+    #[test]
+    fn a_longer_move_teaches_more() {
+        for (spread_n, part) in [(1.0f32, 0.1), (3.0, 0.5), (9.0, 0.9)] {
+            let mut a = Adaptation::new(1.0);
+            for k in 0..100u16 {
+                let x = 20.0 + if k % 2 == 0 { spread_n } else { -spread_n };
+                a.record(x, 5.0 + 0.01 * x);
+            }
+            let learned = a.end_move(1.0, KnownErrors::default()).scale_change / 0.01;
+            assert!((learned - part).abs() < 1e-3, "{spread_n} N: {learned}");
         }
     }
 

@@ -11,6 +11,9 @@ use crate::ramp::Ramp;
 
 /// Fraction of the motor's speed and acceleration for that; the rest is the move's.
 const LIMITS_FRACTION: f32 = 0.7;
+/// Fraction of the friction that is taken up at once for a load at its target. Friction is not known better: with more of it the
+/// load breaks loose with too much pull and jumps past its target. The rest is left to the error.
+const AT_TARGET: f32 = 0.8;
 
 /// Positions of a load that is still stuck.
 #[derive(Clone, Copy, Debug)]
@@ -107,7 +110,7 @@ impl FrictionCompensation {
             self.turn(direction);
         }
         if !core::mem::replace(&mut self.planned, true) {
-            self.plan(load);
+            self.plan(if set_point.done { AT_TARGET } else { 1.0 }, load);
             self.left_s = Ramp::duration_s(self.end_rad - self.ramp.position, limits.speed, limits.acceleration);
         }
         self.left_s = (self.left_s - TICK_S).max(0.0);
@@ -129,8 +132,8 @@ impl FrictionCompensation {
         turned_rad / TICK_S
     }
 
-    /// Works out how far it is.
-    fn plan(&mut self, load: &LoadState<'_>) {
+    /// Works out how far it is to take up a fraction of the friction.
+    fn plan(&mut self, fraction: f32, load: &LoadState<'_>) {
         let (direction, observation) = (self.direction, &load.observation);
         let friction_n = observation.friction_n;
         let end_n = observation.mechanism_load_n + direction * friction_n;
@@ -143,7 +146,7 @@ impl FrictionCompensation {
         // A pull that is already past the end of the band needs nothing.
         if direction * (end_n - pull_n) > 0.0 {
             let missing_m = (end.gap_m - load.mechanism.at(pull_n, load.twist_rad).gap_m) * direction;
-            self.end_rad += direction * tr_rad_per_m * missing_m.clamp(0.0, 1.25 * band_m);
+            self.end_rad += direction * fraction * tr_rad_per_m * missing_m.clamp(0.0, 1.25 * band_m);
         }
     }
 }

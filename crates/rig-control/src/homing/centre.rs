@@ -1,7 +1,7 @@
 //! The middle of an even curve, from two sweeps across it in opposite directions.
 
-use super::FALL_M;
 use super::sweeps::{Bin, Sweeps};
+use crate::observer::TRAVEL_M;
 use micromath::F32Ext;
 use rig_link::messages::HomingFailure;
 
@@ -67,7 +67,8 @@ fn middle_of_sweep(bins: &[Bin; BINS]) -> Result<(f32, f32), HomingFailure> {
         return Err(HomingFailure::NoPretwist);
     };
     let (top, floor) = (top.1, left.1.max(right.1));
-    if top - floor < FALL_M {
+    // A flat curve has no middle.
+    if top - floor < TRAVEL_M {
         return Err(HomingFailure::NoPretwist);
     }
     let (mut sum, mut squares, mut count) = (0.0, 0.0, 0u16);

@@ -46,9 +46,6 @@ pub const SPEED: f32 = 6.5;
 /// A shaft that is this far (rad) behind its set-point stands against fully closed strings: more than any drive lags at this
 /// speed, and little enough to turn back before the drive takes it for a stall and drops the load.
 const PROBE_BEHIND: f32 = 0.5;
-/// Fall from the maximum gap (m) that shows that the maximum has been passed, and least height of the maximum that is swept across: a
-/// flat curve has no middle.
-const FALL_M: f32 = 0.5e-3;
 /// Fall before such a rise (m) that shows that this is not the way to zero twist: more of it would close the strings.
 const SEEK_ASTRAY_M: f32 = 3e-3;
 /// Turn (rad) over which the rise of the gap is measured, how often in a row it must have grown, and by how much in all, to show
@@ -63,7 +60,7 @@ const SEEK_TRAVEL: f32 = 12.0 * TAU + PROBE_TRAVEL;
 pub const SWEEP_HALF: f32 = 5.0;
 /// Turns past the half-turn pre-twist that the load is weighed over.
 pub const LOAD_TURNS: f32 = 6.0;
-/// Acceleration of all of it, and of a jog (rad/s²).
+/// Acceleration of all of it, and of a jog (rad/s²): so little that a load hardly swings.
 pub(crate) const ACCELERATION: f32 = 25.0;
 /// How far (m) the load may hang from its place by the sweeps, friction aside: swinging and creep make less, a string that
 /// slips in its clamp makes more.
@@ -336,7 +333,7 @@ impl Homing {
         }
         let fall_m = seek.top_m - self.smooth_gap_m;
         let turned = (shaft_rad - seek.start_rad).abs();
-        if seek.low_m.is_none() && fall_m > FALL_M {
+        if seek.low_m.is_none() && fall_m > TRAVEL_M {
             self.zero_rad = seek.top_rad;
             Ok(Phase::CentreRest { ticks: 0 })
         } else if seek.low_m.is_some() && (fall_m > SEEK_ASTRAY_M || turned > PROBE_TRAVEL) {

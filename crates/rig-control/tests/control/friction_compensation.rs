@@ -126,12 +126,12 @@ fn a_set_point_that_turns_round_under_way_takes_it_up_the_other_way() {
 }
 
 #[test]
-fn at_rest_a_load_that_sticks_beside_its_place_by_more_than_noise_has_it_taken_up() {
+fn at_rest_a_load_that_sticks_beside_its_place_by_more_than_noise_has_most_of_it_taken_up() {
     let load = came_down();
     let mut compensation = FrictionCompensation::default();
     let rest = SetPoint::at(0.0);
     let small: f32 = (0..200).map(|_| TICK_S * compensation.step(&rest, false, 19e-6, &load)).sum();
     assert_eq!(small, 0.0, "within noise");
     let turned: f32 = (0..200).map(|_| TICK_S * compensation.step(&rest, false, 50e-6, &load)).sum();
-    assert!((turned / band_rad(&load) - 1.0).abs() < 0.02, "{turned} of {}", band_rad(&load));
+    assert!((turned / band_rad(&load) - 0.8).abs() < 0.02, "{turned} of {}", band_rad(&load));
 }
