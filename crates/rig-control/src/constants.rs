@@ -81,12 +81,6 @@ impl TwistLimits {
         let change = self.acceleration * TICK_S;
         wanted.clamp(now - change, now + change).clamp(-self.speed, self.speed)
     }
-
-    /// A fraction of both.
-    #[must_use]
-    pub fn fraction(self, fraction: f32) -> Self {
-        Self { speed: fraction * self.speed, acceleration: fraction * self.acceleration }
-    }
 }
 
 impl RigConstants {
@@ -197,9 +191,9 @@ pub(crate) mod tests {
 
     #[test]
     fn limits_and_gap_follow_from_the_constants() {
-        let limits = RIG.twist_limits().fraction(0.5);
-        assert!((limits.speed - 0.5 * 1047.0 / 62.0).abs() < 1e-5);
-        assert!((limits.acceleration - 0.5 * 12_000.0 / 62.0).abs() < 1e-4);
+        let limits = RIG.twist_limits();
+        assert!((limits.speed - 1047.0 / 62.0).abs() < 1e-5);
+        assert!((limits.acceleration - 12_000.0 / 62.0).abs() < 1e-4);
         assert!((RIG.lvdt_gap_m(1000.0) - 0.06372).abs() < 1e-7);
         assert_eq!(RIG.twist_sign(), 1.0);
         let calibrated = RigConstants {

@@ -9,8 +9,6 @@ use crate::load_state::LoadState;
 use crate::planner::SetPoint;
 use crate::ramp::Ramp;
 
-/// Fraction of the motor's speed and acceleration for that; the rest is the move's.
-const LIMITS_FRACTION: f32 = 0.7;
 /// Fraction of the friction that is taken up at once for a load at its target. Friction is not known better: with more of it the
 /// load breaks loose with too much pull and jumps past its target. The rest is left to the error.
 const AT_TARGET: f32 = 0.8;
@@ -105,7 +103,7 @@ impl FrictionCompensation {
             _ => 0.0,
         };
         let direction = if wanted == 0.0 { 0.0 } else { libm::copysignf(1.0, wanted) };
-        let limits = load.twist_limits.fraction(LIMITS_FRACTION);
+        let limits = &load.twist_limits;
         if direction != self.direction {
             self.turn(direction);
         }
