@@ -44,14 +44,10 @@ pub struct Rest {
 }
 
 impl Rest {
-    /// Error (m) at rest that stiction does not let the loop reduce, half a jump, where homing saw jumps of a load so long (m).
-    pub fn tolerance_m(&self, jump_m: f32) -> f32 {
-        0.5 * self.jump_m.unwrap_or(jump_m)
-    }
-
-    /// Error (m) below which a load at rest is left alone, with a noise of the gap in one tick (m, rms).
+    /// Error (m) below which a load at rest is left alone: half a jump, because stiction does not let the loop reduce it, where homing
+    /// saw jumps so long (m); and what is noise, with a noise of the gap in one tick (m, rms).
     pub fn left_alone_m(&self, noise_m: f32, jump_m: f32) -> f32 {
-        (NINETY_PERCENT * noise_m).max(self.tolerance_m(jump_m))
+        (NINETY_PERCENT * noise_m).max(0.5 * self.jump_m.unwrap_or(jump_m))
     }
 
     /// One tick; `done` when the set-point is at its target, and the error (m) of the load there.

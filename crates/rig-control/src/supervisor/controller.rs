@@ -59,9 +59,9 @@ impl Controller {
         let Some((planned, set_point)) = planned else { return limit };
         tracking.learn(&observation, twist_rad, set_point.done);
         if set_point.done && planned.is_over(&load, at_end) {
-            let error_m = load.position_m - planned.target_m;
+            let error_m = load.position_m - planned.control.planner.target_m();
             let _ = events.push(if planned.stopping { EventKind::Stopped } else { EventKind::MoveDone { error_m } });
-            self.mode = Mode::Holding(planned.hold());
+            self.mode = Mode::Holding(planned.control);
         }
         limit
     }

@@ -13,10 +13,6 @@ use rig_link::messages::Limit;
 /// The loop goes on holding after that.
 const ARRIVED_M: f32 = 25e-6;
 const ARRIVED_NOISES: f32 = 2.5;
-/// A load that sticks farther from its target than that, and nearer than another jump would bring it, is moved back and
-/// comes again, once: on hard rigs a second time takes longer and is hardly better (docs/explanation/control.md 4). It
-/// goes back by so many jumps, farther than its friction band.
-const BACK_JUMPS: f32 = 2.0;
 /// A set-point waits for strings that are behind it, because the load has changed while they turn as fast as they can: from the first
 /// distance (m) on it is slower, and from the second on it has the smallest fraction of the motor's speed.
 const BEHIND_M: [f32; 2] = [0.5e-3, 1.5e-3];
@@ -48,11 +44,6 @@ impl LoadControl {
         self.position_loop.compensation.set_out(self.planner.setting_out());
     }
 
-    /// The same, with its set-point at a position (m) that a move has ended at.
-    fn holding(self, position_m: f32) -> Self {
-        Self { planner: Planner::at(position_m), ..self }
-    }
-
     /// One tick under way.
     pub(super) fn follow(&mut self, set_point: &SetPoint, load: &LoadState<'_>) -> LoopOutput {
         self.position_loop.step(set_point, false, load)
@@ -68,20 +59,12 @@ impl LoadControl {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Move {
     pub(super) control: LoadControl,
-    /// Where the load is to end (m). The planner's target is another one while the load goes back to come again.
-    pub(super) target_m: f32,
-    /// Way of the move (m).
-    distance_m: f32,
     speed_m_per_s: f32,
     /// Those of the last tick.
     limits: Option<Limits>,
     /// Set-point less the load's place of rest in the last tick (m).
     rest_error_m: f32,
     pub(super) stopping: bool,
-    /// Whether it may still come again, and whether it goes back for that.
-    may_come_again: bool,
-    goes_back: bool,
-    stuck_ticks: u16,
     /// Time until the set-point is at its target, friction compensation aside (s); `None` before the first tick and in a stop.
     run_s: Option<f32>,
     /// Ticks that the set-point has been at its target, and of these in a row: that the load was near it, and that the
@@ -107,19 +90,13 @@ pub(super) struct MoveStep {
 impl Move {
     /// To a position (m) at a speed (m/s) at most, going on from the present set-point.
     pub(super) fn new(mut control: LoadControl, target_m: f32, speed_m_per_s: f32) -> Self {
-        let distance_m = target_m - control.planner.set_point_m();
         control.go_to(target_m);
         Self {
             control,
-            target_m,
-            distance_m,
             speed_m_per_s,
             limits: None,
             rest_error_m: 0.0,
             stopping: false,
-            may_come_again: true,
-            goes_back: false,
-            stuck_ticks: 0,
             run_s: None,
             rest_ticks: 0,
             near_ticks: 0,
@@ -140,38 +117,11 @@ impl Move {
         ARRIVED_M.max(ARRIVED_NOISES * load.gap_noise_m)
     }
 
-    /// Whether the load would go back and come again if it stuck beside its target: only one whose jumps homing saw.
-    fn comes_again(&self, load: &LoadState<'_>) -> bool {
-        self.may_come_again && load.jump_m > 0.0
-    }
-
-    /// With the set-point at its target: lets a load that sticks beside the target go back and come again.
-    fn approach_again(&mut self, load: &LoadState<'_>) {
-        if core::mem::take(&mut self.goes_back) {
-            self.control.go_to(self.target_m);
-            return;
-        }
-        let error_m = self.target_m - load.position_m;
-        // Farther away the loop brings it nearer by itself.
-        let left = error_m.abs() < self.control.position_loop.rest.tolerance_m(load.jump_m);
-        let sticks =
-            self.comes_again(load) && error_m.abs() > Self::arrived_m(load) && left && load.observation.moved_m == 0.0;
-        if lasts(&mut self.stuck_ticks, sticks, SHORT_TICKS) {
-            let back_m = (BACK_JUMPS * load.jump_m).min(self.distance_m.abs());
-            self.may_come_again = false;
-            self.goes_back = true;
-            self.rest_ticks = 0;
-            self.control.go_to(self.target_m - libm::copysignf(back_m, self.distance_m));
-        }
-    }
-
     /// Ramps down.
     pub(super) fn stop(&mut self) {
         if !self.stopping {
             self.stopping = true;
             self.run_s = None;
-            self.goes_back = false;
-            self.may_come_again = false;
             match &self.limits {
                 Some(limits) => self.control.planner.brake(limits),
                 // Before its first tick it stands.
@@ -190,9 +140,6 @@ impl Move {
 
     /// One tick.
     pub(super) fn step(&mut self, load: &LoadState<'_>, rig: &RigConstants) -> MoveStep {
-        if self.control.planner.is_at_rest() && !self.stopping {
-            self.approach_again(load);
-        }
         let Self { control, speed_m_per_s, .. } = self;
         let (here, pull_n) = (load.observation.point, load.observation.pull_n);
         let (limits, limit) = Limits::for_motor(*speed_m_per_s, &here, pull_n, rig);
@@ -221,22 +168,13 @@ impl Move {
         MoveStep { output, set_point, limit }
     }
 
-    /// What holds the load after the move.
-    pub(super) fn hold(&self) -> LoadControl {
-        self.control.holding(self.target_m)
-    }
-
     /// One tick with the set-point at its target: whether the move is over. It may end where the strings' travel ends; the
     /// event then says how far off that is, and the limit stays in the telemetry.
     pub(super) fn is_over(&mut self, load: &LoadState<'_>, at_end: bool) -> bool {
-        if self.stopping {
-            self.target_m = self.control.planner.set_point_m();
-        }
-        let error_m = self.target_m - load.position_m;
-        // What stiction leaves, once the load does not come again.
+        let error_m = self.control.planner.target_m() - load.position_m;
+        // What stiction leaves.
         let left_m = self.control.position_loop.rest.left_alone_m(load.gap_noise_m, load.jump_m);
-        let near_m = Self::arrived_m(load).max(if self.comes_again(load) { 0.0 } else { left_m });
-        let near = !self.goes_back && error_m.abs() < near_m;
+        let near = error_m.abs() < Self::arrived_m(load).max(left_m);
         let arrived = lasts(&mut self.near_ticks, near, SHORT_TICKS);
         let ended = lasts(&mut self.end_ticks, at_end, SHORT_TICKS);
         self.rest_ticks += 1;

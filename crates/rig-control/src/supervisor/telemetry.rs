@@ -27,10 +27,7 @@ impl Controller {
             faults: self.faults(),
             limit: self.limit,
             doubts: tracking.map_or(Doubts::NONE, LoadTracking::doubts),
-            target_m: match &self.mode {
-                Mode::Moving(planned) => Some(planned.target_m),
-                _ => planner.map(|planner| planner.target_m()),
-            },
+            target_m: planner.map(|planner| planner.target_m()),
             setpoint_m: planner.map(|planner| planner.set_point_m()),
             position_m: tracking.zip(gap_m).map(|(tracking, gap_m)| tracking.homed.found.reference_gap_m - gap_m),
             twist_rad: tracking.map(|tracking| tracking.twist_rad(self.sensing.readings.shaft_rad)),

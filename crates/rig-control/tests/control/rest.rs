@@ -76,16 +76,16 @@ fn a_way_past_the_target_is_a_jump_less_twice_what_the_strings_have_turned() {
     let mut load = load();
     let mut rest = Rest::default();
     jumps(&mut rest, &[0.3e-3, -0.1e-3], &load);
-    assert!((rest.tolerance_m(0.0) / (0.5 * 0.4e-3) - 1.0).abs() < 1e-3, "{}", rest.tolerance_m(0.0));
+    assert!((rest.left_alone_m(0.0, 0.0) / (0.5 * 0.4e-3) - 1.0).abs() < 1e-3, "{}", rest.left_alone_m(0.0, 0.0));
     // The strings have turned for a quarter of the way, and a load without stiction swings twice as far.
     let mut rest = Rest::default();
     at(&mut rest, 0.3e-3, 40, &load);
     load.twist_rad += 0.1e-3 * load.observation.point.tr_rad_per_m();
     at(&mut rest, -0.1e-3, 40, &load);
-    assert!((rest.tolerance_m(0.0) / (0.5 * 0.2e-3) - 1.0).abs() < 1e-2, "{}", rest.tolerance_m(0.0));
+    assert!((rest.left_alone_m(0.0, 0.0) / (0.5 * 0.2e-3) - 1.0).abs() < 1e-2, "{}", rest.left_alone_m(0.0, 0.0));
     // Short of the target it tells that a jump is no longer than that.
     jumps(&mut rest, &[-0.3e-3, -0.2e-3], &load);
-    assert!((rest.tolerance_m(0.0) / (0.5 * 0.1e-3) - 1.0).abs() < 1e-2, "{}", rest.tolerance_m(0.0));
+    assert!((rest.left_alone_m(0.0, 0.0) / (0.5 * 0.1e-3) - 1.0).abs() < 1e-2, "{}", rest.left_alone_m(0.0, 0.0));
 }
 
 #[test]
@@ -124,7 +124,7 @@ fn a_load_that_has_been_brought_to_its_target_between_its_ways_does_not_go_back_
         load.twist_rad += 2.0 * error_m * load.observation.point.tr_rad_per_m();
         at(&mut rest, 0.0, 40, &load);
     }
-    assert!(rest.tolerance_m(0.0) < NINETY_PERCENT * load.gap_noise_m, "{}", rest.tolerance_m(0.0));
+    assert!(rest.left_alone_m(0.0, 0.0) < NINETY_PERCENT * load.gap_noise_m, "{}", rest.left_alone_m(0.0, 0.0));
 }
 
 #[test]
@@ -134,7 +134,7 @@ fn a_way_to_another_target_is_no_jump() {
     at(&mut rest, 0.3e-3, 40, &load);
     rest.step(false, 0.0, &load);
     at(&mut rest, -0.1e-3, 40, &load);
-    assert_eq!(rest.tolerance_m(0.0), 0.0);
+    assert_eq!(rest.left_alone_m(0.0, 0.0), 0.0);
 }
 
 #[test]
@@ -143,5 +143,5 @@ fn a_way_that_friction_does_not_explain_is_no_jump() {
     let load = hanging(10.0, 0.01, 25.0);
     let mut rest = Rest::default();
     jumps(&mut rest, &[0.5e-3, -0.1e-3], &load);
-    assert_eq!(rest.tolerance_m(0.0), 0.0);
+    assert_eq!(rest.left_alone_m(0.0, 0.0), 0.0);
 }
