@@ -21,7 +21,7 @@ const RUN_ELSEWHERE: [(&str, &str); 32] = [
     ("rigctl config set", "crates/rigctl/tests/tool/board_settings.rs"),
     ("rigctl demo", "crates/rigctl/tests/tool/emulated.rs"),
     ("rigctl export --to --out", "crates/rigctl/tests/tool/export.rs"),
-    ("rigctl home", "crates/rigctl/tests/serial.rs"),
+    ("rigctl home", "crates/rigctl/tests/serial/main.rs"),
     ("rigctl home --load", "crates/rigctl/tests/tool/emulated.rs"),
     ("rigctl identify --out --figure", "crates/rigctl/tests/tool/new_rig.rs"),
     ("rigctl identify --published --out", "crates/rigctl/tests/tool/hostile.rs"),

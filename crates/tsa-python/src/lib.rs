@@ -9,6 +9,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 mod bench;
 mod errors;
 mod inverse;
+mod motion;
 mod rig;
 mod tool;
 mod trial;
@@ -205,7 +206,9 @@ mod _core {
     #[pymodule_export]
     use super::bench::{Bench, Plant};
     #[pymodule_export]
-    use super::rig::{Board, Motion, Recording};
+    use super::motion::Motion;
+    #[pymodule_export]
+    use super::rig::{Board, Recording};
     #[pymodule_export]
     use super::tool::{refit, tool};
     #[pymodule_export]

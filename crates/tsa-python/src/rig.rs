@@ -1,7 +1,8 @@
 //! A conversation with a board, emulated or real.
 
-use crate::errors::{broken, error, of_kind, wrong};
+use crate::errors::{broken, error, wrong};
 use crate::locked;
+use crate::motion::{LOOK, Motion};
 use crate::tool::printed;
 use pyo3::exceptions::{PyKeyboardInterrupt, PyRuntimeWarning};
 use pyo3::prelude::*;
@@ -26,11 +27,9 @@ use std::io::Write;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError};
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::Duration;
 
-/// How often a call that waits for another thread looks at Python's signals.
-const LOOK: Duration = Duration::from_millis(20);
 /// How long an emulated rig hangs at rest before a sweep (s).
 const HUNG_S: f64 = 3.0;
 
@@ -38,7 +37,7 @@ const HUNG_S: f64 = 3.0;
 #[pyclass(frozen)]
 pub(crate) struct Board(Arc<Shared>);
 
-struct Shared {
+pub(crate) struct Shared {
     talk: Mutex<Talk>,
     rows: Mutex<Vec<Row>>,
     /// Everything that passes.
@@ -47,7 +46,7 @@ struct Shared {
     interrupt: Arc<AtomicBool>,
 }
 
-struct Talk {
+pub(crate) struct Talk {
     /// `None` after [`Board::close`].
     session: Option<Session>,
     target: Target,
@@ -64,7 +63,7 @@ fn load_choice(load_n: Option<f64>) -> LoadChoice {
 
 impl Shared {
     /// Does something with the session.
-    fn work<T>(&self, work: impl FnOnce(&mut Session, &Target) -> Result<T, Failure>) -> Result<T, Failure> {
+    pub(crate) fn work<T>(&self, work: impl FnOnce(&mut Session, &Target) -> Result<T, Failure>) -> Result<T, Failure> {
         let Talk { session, target } = &mut *locked(&self.talk);
         let session = session.as_mut().ok_or_else(closed)?;
         // What ended an earlier motion does not end this one; a fault is latched, and refuses it.
@@ -117,7 +116,7 @@ impl Shared {
     }
 
     /// Stops what another thread does with the session, and waits for its end.
-    fn alone(&self) -> MutexGuard<'_, Talk> {
+    pub(crate) fn alone(&self) -> MutexGuard<'_, Talk> {
         self.interrupt.store(true, Ordering::Relaxed);
         let talk = locked(&self.talk);
         self.interrupt.store(false, Ordering::Relaxed);
@@ -167,61 +166,10 @@ fn closed() -> Failure {
     Failure::of_kind("closed", "the rig is closed")
 }
 
-fn stop(talk: &mut Talk) -> Result<(), Failure> {
+/// Stops what moves.
+pub(crate) fn stop(talk: &mut Talk) -> Result<(), Failure> {
     let session = talk.session.as_mut().ok_or_else(closed)?;
     acknowledged(session.stop()?)
-}
-
-/// What a motion ended with, once it has.
-#[derive(Default)]
-struct End {
-    result: Mutex<Option<Result<String, (&'static str, String)>>>,
-    there: Condvar,
-}
-
-/// A move that another thread leads.
-#[pyclass(frozen)]
-pub(crate) struct Motion {
-    shared: Arc<Shared>,
-    end: Arc<End>,
-}
-
-#[pymethods]
-impl Motion {
-    #[getter]
-    fn done(&self) -> bool {
-        locked(&self.end.result).is_some()
-    }
-
-    /// The result; `None` if it has not ended after a time (s).
-    fn wait(&self, py: Python<'_>, seconds: Option<f64>) -> PyResult<Option<String>> {
-        let limit = match seconds.map(Duration::try_from_secs_f64) {
-            None => None,
-            Some(Ok(limit)) => Some(limit),
-            Some(Err(e)) => return Err(wrong(format!("timeout: {e}"))),
-        };
-        let start = std::time::Instant::now();
-        loop {
-            let ended = py.detach(|| {
-                let result = locked(&self.end.result);
-                if result.is_some() {
-                    return result.clone();
-                }
-                let waited = self.end.there.wait_timeout(result, LOOK);
-                waited.unwrap_or_else(PoisonError::into_inner).0.clone()
-            });
-            if let Some(result) = ended {
-                return result.map(Some).map_err(|(kind, text)| of_kind(kind, &text));
-            }
-            if let Err(signal) = py.check_signals() {
-                py.detach(|| stop(&mut self.shared.alone())).map_err(error)?;
-                return Err(signal);
-            }
-            if limit.is_some_and(|limit| start.elapsed() >= limit) {
-                return Ok(None);
-            }
-        }
-    }
 }
 
 /// A log that is being written.
@@ -304,27 +252,8 @@ impl Board {
 
     /// As [`Board::move_to`], led by another thread.
     fn begin_move(&self, py: Python<'_>, target_m: f64, speed_m_per_s: f64, load_n: Option<f64>) -> PyResult<Motion> {
-        let (shared, end, load) = (self.0.clone(), Arc::new(End::default()), load_choice(load_n));
-        let motion = Motion { shared: shared.clone(), end: end.clone() };
-        let (began, begins) = mpsc::channel();
-        std::thread::Builder::new()
-            .spawn(move || {
-                let result = shared.work(|session, _| {
-                    // The caller goes on once the session is this thread's.
-                    let _ = began.send(());
-                    motion::move_to(session, target_m, speed_m_per_s, load, |_| {})
-                });
-                let result = match result {
-                    Ok(moved) => serde_json::to_string(&moved).map_err(|e| ("failed", e.to_string())),
-                    Err(failure) => Err((failure.kind(), failure.message().unwrap_or_default())),
-                };
-                *locked(&end.result) = Some(result);
-                end.there.notify_all();
-            })
-            .map_err(broken)?;
-        // Nothing comes if the rig is closed, which `wait` says.
-        let _ = py.detach(move || begins.recv());
-        Ok(motion)
+        let load = load_choice(load_n);
+        Motion::begin(py, &self.0, move |session| motion::move_to(session, target_m, speed_m_per_s, load, |_| {}))
     }
 
     fn track(
