@@ -13,8 +13,8 @@ use rig_link::messages::LoadChoice;
 
 /// Maximum drift of the scale from that of homing.
 pub const LARGEST_DRIFT: f32 = 0.03;
-/// Spread (rms, N) of x along a move of whose slope half is learned: what a move does not show of a drift is as large as the drift
-/// itself. Less is learned from a shorter move.
+/// Spread (rms, N) of x along a move of whose slope half is learned. A move with a smaller spread says less about a drift, and less of its
+/// slope is learned.
 const HALF_LEARNED_N: f32 = 3.0;
 /// Minimum spread (rms, N) to judge whether the bound is kept: on healthy rigs the slope of a move is then within 0.016, after
 /// a slip of 3 mm it is 0.04 and more.
