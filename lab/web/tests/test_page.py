@@ -252,8 +252,12 @@ def test_the_address_is_the_state(browser, reports):
         assert page.evaluate("[tsa.state.load_n, tsa.state.turns]") == pytest.approx(state, rel=1e-5)
         # Another address on the open page, one that is no state, and one beyond the sliders.
         for part, turns in [("#turns=1.25", 1.25), ("#load=&turns=many", 1.25), ("#load=1e9&turns=2", 2)]:
-            page.evaluate("(part) => { location.hash = part; }", part)
-            frames(page)
+            # The browser says that the address has changed some time later.
+            page.evaluate(
+                "(part) => new Promise((done) => {"
+                " addEventListener('hashchange', () => done(), { once: true }); location.hash = part; })",
+                part,
+            )
             assert page.evaluate("tsa.state.turns") == turns
         assert page.evaluate("tsa.state.load_n") == 27
 
