@@ -99,6 +99,8 @@ pub struct Observation {
     pub friction_n: f32,
     /// What the strings pull with (N).
     pub pull_n: f32,
+    /// The apparent load that this tick alone shows if the load moves (N), without the lag of the estimate.
+    pub shown_n: f32,
     /// The table at this twist and the pull that is expected in the present direction.
     pub point: Point,
     /// How far the load moved beyond noise in this tick (m).
@@ -233,6 +235,7 @@ impl LoadObserver {
         let point = mechanism.at(expected_n, twist_rad);
         let mut at_range_end = false;
         let mut pull_n = expected_n;
+        let mut shown_n = self.apparent_n;
         if let Some(measured) = measured {
             let motion = self
                 .motion
@@ -240,6 +243,7 @@ impl LoadObserver {
             motion.step(mechanism, twist_rad, measured);
             pull_n = motion.pull_n;
             let innovation_n = motion.weight_n - expected_n;
+            shown_n += innovation_n;
             let load_n = self.apparent_n + self.correction(innovation_n, moved_m, &point);
             self.apparent_n = load_n.clamp(m.load_min_n, m.load_max_n);
             // A load that is too heavy is a danger. One that is too light is none, and may still be within the range, by
@@ -262,6 +266,7 @@ impl LoadObserver {
             mechanism_load_n,
             friction_n: self.friction_n,
             pull_n,
+            shown_n,
             point,
             moved_m,
             at_range_end,

@@ -42,6 +42,8 @@ const rig = {
   measured_m: null,
   drawn: null,
   pending: false,
+  // The address as it was last read or written.
+  address: null,
   // When the last change was.
   moved_ms: 0,
 
@@ -57,6 +59,7 @@ const rig = {
 
   // The state in the address, `#load=4.9&turns=3` in N and turns, as far as it is there.
   readAddress() {
+    rig.address = location.hash;
     const address = new URLSearchParams(location.hash.slice(1));
     const number = (name, otherwise) => (/\d/.test(address.get(name)) && Number.isFinite(Number(address.get(name)))
       ? Number(address.get(name)) : otherwise);
@@ -65,8 +68,11 @@ const rig = {
   },
 
   writeAddress() {
+    // The browser reports an address that somebody entered only later. It must not be overwritten before it is read.
+    if (location.hash !== rig.address) return;
     const digits = (x) => Number(x.toPrecision(6));
     history.replaceState(null, "", `#load=${digits(rig.load_n)}&turns=${digits(rig.turns)}`);
+    rig.address = location.hash;
   },
 
   // Draws in the next frame, once.

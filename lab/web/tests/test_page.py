@@ -262,6 +262,25 @@ def test_the_address_is_the_state(browser, reports):
         assert page.evaluate("tsa.state.load_n") == 27
 
 
+def test_an_entered_address_is_not_overwritten_before_it_is_read(browser, reports):
+    with Opened(browser, reports["default"]) as page:
+        # The page writes its state into the address some time after a change. Here that time ends
+        # just after an address was entered, and before the browser reports it.
+        page.evaluate('''() => new Promise((done) => {
+            const { setTimeout } = window;
+            let write;
+            window.setTimeout = (later) => { write = later; };
+            document.getElementById("drawing").dispatchEvent(new KeyboardEvent("keydown", { key: "ArrowDown" }));
+            window.setTimeout = setTimeout;
+            addEventListener("hashchange", () => done(), { once: true });
+            location.hash = "#turns=1.25";
+            write();
+        })''')
+        assert page.evaluate("tsa.state.turns") == 1.25
+        page.wait_for_function("location.hash.startsWith('#load=')")
+        assert "turns=1.25" in page.evaluate("location.hash")
+
+
 def test_the_recorded_move_plays(browser, reports):
     with Opened(browser, reports["default"]) as page:
         begun = page.evaluate("tsa.state.turns")

@@ -47,6 +47,7 @@ pub fn hanging(load_n: f32, friction_n: f32, twist_rad: f32) -> LoadState<'stati
         mechanism_load_n: load_n,
         friction_n,
         pull_n,
+        shown_n: load_n,
         point,
         moved_m: 0.0,
         at_range_end: false,
