@@ -6,7 +6,6 @@ use crate::load_changes::{Outcome, as_the_sensor_has_it, brought, hang, motor_s}
 use crate::rigs::subject::Subject;
 use crate::study::each;
 use rig_control::TICK_S;
-use rig_control::limits::SPEED_MAX_M_PER_S;
 use rig_link::messages::{LoadChoice, Request, State};
 
 /// What hangs there (kg).
@@ -71,7 +70,7 @@ pub fn under_steps(subject: &Subject) -> Vec<Outcome> {
 fn go(bench: &mut ControlBench, target_m: f32, step: Option<(u32, f64)>, what: String) -> Outcome {
     bench.run(REST_S);
     let before_rad = bench.truth().twist_rad;
-    let request = Request::Move { target_m, speed_m_per_s: SPEED_MAX_M_PER_S, load: LoadChoice::Auto };
+    let request = Request::Move { target_m, speed_m_per_s: f32::INFINITY, load: LoadChoice::Auto };
     if let Err(why) = bench.ask(request) {
         return Outcome::failed(what, why);
     }

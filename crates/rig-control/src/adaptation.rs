@@ -7,7 +7,7 @@
 //! A move that asks for a scale too far from that of homing teaches nothing, so that errors that are no drift (a slip, a failing
 //! sensor) cannot be learned away: such moves in a row mean that gap and table have parted ([`Adaptation::disagrees`]).
 
-use crate::mechanism::TWIST_SCALE;
+use crate::mechanism::bounded_scale;
 use crate::observer::{KnownErrors, LoadObserver, Observation, SETTLED_TICKS};
 use rig_link::messages::LoadChoice;
 
@@ -119,7 +119,7 @@ impl Adaptation {
         let agrees = Some(drift <= bound);
         // What is beyond the bound is no drift, and teaches nothing about it.
         let scale = twist_scale + if drift <= LARGEST_DRIFT { learned * slope } else { 0.0 };
-        Finding { scale_change: scale.clamp(TWIST_SCALE[0], TWIST_SCALE[1]) - twist_scale, agrees }
+        Finding { scale_change: bounded_scale(scale) - twist_scale, agrees }
     }
 
     /// Whether gap and table have parted: the slopes of the last moves are no drift.

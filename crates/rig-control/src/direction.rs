@@ -19,6 +19,7 @@
 //! LVDT is reversed does not show here: the gap may change either way with the twist. Homing finds that.
 
 use crate::RigConstants;
+use crate::sensors::LVDT_COUNT_M;
 use rig_link::messages::Fault;
 
 /// Maximum voltage on the motor, in 1/5000 of the supply: 2.4 V of 24 V. Without load it makes 1.7 rad/s of the strings on
@@ -33,8 +34,6 @@ const STOP_TICKS: i16 = 6;
 /// Maximum difference of the two counts, as a part of the greater one: a channel that loses every fifth count, or a drive that
 /// is set for another encoder, must show. An encoder that turns by less stands.
 const ALIKE: f32 = 0.1;
-/// Change of the gap (m) that shows that the strings have turned: ten times the noise of a reading.
-const GAP_MOVED_M: f32 = 50e-6;
 
 /// Shaft angles by both encoders (rad of the strings, in the direction of positive counts), and the gap (m).
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -122,7 +121,8 @@ impl Witnesses {
         let Self { drive_rad, own_rad, gap_m } = *self;
         let turned = self.turned();
         if turned < ALIKE * MEASURED_RAD {
-            return Some(if gap_m.abs() > GAP_MOVED_M { Fault::EncoderStuck } else { Fault::MotorStill });
+            // Ten times the noise of a reading.
+            return Some(if gap_m.abs() > LVDT_COUNT_M { Fault::EncoderStuck } else { Fault::MotorStill });
         }
         let stands = |rad: f32| rad.abs() < ALIKE * turned;
         match (drive_rad > 0.0, own_rad > 0.0) {

@@ -6,11 +6,9 @@
 
 use crate::RigConstants;
 use crate::load_motion::STANDARD_GRAVITY_M_PER_S2;
-use rig_link::messages::{Limit, Setting};
+use rig_link::messages::Limit;
 use tsa_table::Point;
 
-/// Maximum speed that can be asked of the load (m/s); a setting may lower it.
-pub const SPEED_MAX_M_PER_S: f32 = Setting::SpeedMax.spec().range[1];
 /// Fraction of the motor's speed that moves are planned with; the rest is for the loop.
 pub const PLANNED_FRACTION: f32 = 0.97;
 /// The same of its acceleration: where the acceleration of the load turns over, the strings change their speed all at once.

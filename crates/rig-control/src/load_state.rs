@@ -3,12 +3,9 @@
 use crate::TICK_S;
 use crate::constants::TwistLimits;
 use crate::load_motion::LoadMotion;
-use crate::mechanism::Mechanism;
+use crate::mechanism::{Mechanism, OUTSIDE_RAD};
 use crate::observer::Observation;
 use crate::ramp::{Ramp, braking_speed};
-
-/// How far below the half-turn pre-twist the strings may be untwisted by the loop (rad).
-const BELOW_PRETWIST: f32 = 0.15;
 
 /// Change of the gap that is motion and no noise, over the noise of the gap in one tick.
 const MOVED_NOISES: f32 = 4.0;
@@ -57,7 +54,8 @@ impl LoadState<'_> {
         let table = &self.mechanism.table.metadata;
         let twist_rad = shaft.position - zero_rad;
         let brakes = |left_rad: f32| braking_speed(left_rad.max(0.0), limits.acceleration);
-        let slowest = -brakes(twist_rad - (table.twist_min_rad - BELOW_PRETWIST));
+        // Below the half-turn pre-twist by half of what the mechanism covers, so that a shaft which lags stays within that.
+        let slowest = -brakes(twist_rad - (table.twist_min_rad - 0.5 * OUTSIDE_RAD));
         let fastest = brakes(table.twist_max_rad - twist_rad);
         let free = limits.after_a_tick(shaft.speed, twist_speed_rad_per_s);
         let speed = limits.after_a_tick(shaft.speed, free.clamp(slowest, fastest));

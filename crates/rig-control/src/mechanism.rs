@@ -8,8 +8,11 @@
 use rig_link::messages::{GapCurve, Setting};
 use tsa_table::{Point, Table};
 
-/// Bounds of the scale: a string outside them is not the one that the table was made for.
-pub const TWIST_SCALE: [f32; 2] = Setting::TwistScale.spec().range;
+/// The scale within its bounds: a string outside them is not the one that the table was made for.
+pub(crate) fn bounded_scale(twist_scale: f32) -> f32 {
+    let [min, max] = Setting::TwistScale.spec().range;
+    twist_scale.clamp(min, max)
+}
 
 /// How far outside the table's twists a move may begin, a load is still estimated, and the strings may be without a fault (rad):
 /// the half-turn pre-twist is the end of the range, and homing finds it within less.

@@ -37,13 +37,12 @@ pub const BANDWIDTH_PER_S: f32 = POLES[0] * FULL_PER_S;
 const STUCK_PER_S: f32 = 2.0;
 
 /// A load off its set-point that does not travel while the pull of its strings changes by so much is jammed: the sum of a least
-/// change (N), since a small friction is not known well, of a fraction of the load, and of a multiple of the friction. Turned
+/// change (N), since a small friction is not known well, of a fraction of the load, and of the width of the friction band. Turned
 /// further, the strings would let it spring when it comes loose, or fall slack. The load estimate goes along with the pull; so the
 /// change counts from what the load seemed to weigh when it last travelled or was at its set-point. While a weight is changed by
 /// hand, the load may stand beside a set-point that stands, with strings that turn for it.
 const MIN_JAMMED_N: f32 = 0.5;
 const JAMMED_FRACTION: f32 = 0.3;
-const JAMMED_FRICTIONS: f32 = 2.0;
 
 /// Fraction of the gains that damp the oscillation of a load at a frequency (rad/s): the faster the oscillation, the more of its phase the unknown
 /// part of the delay takes.
@@ -132,7 +131,7 @@ impl PositionLoop {
         let moved_load_n = before_n + known * (weight_n - before_n);
         self.moved_load_n = Some(moved_load_n);
         let beyond_n = observation.pull_n - moved_load_n;
-        let max_n = MIN_JAMMED_N + JAMMED_FRACTION * moved_load_n + JAMMED_FRICTIONS * observation.friction_n;
+        let max_n = MIN_JAMMED_N + JAMMED_FRACTION * moved_load_n + 2.0 * observation.friction_n;
         if beyond_n.abs() > max_n { beyond_n } else { 0.0 }
     }
 }

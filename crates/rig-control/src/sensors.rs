@@ -65,6 +65,8 @@ impl LvdtReading {
     }
 }
 
+/// One code of the converter on the default LVDT (m).
+pub const LVDT_COUNT_M: f32 = 50e-6;
 /// Codes at each end of the 12-bit range that are no position, 1 % of it: at the lower end, where a pull-down takes an open
 /// lead (docs/reference/hardware.md 2.2), a wire is taken for broken; at the upper end the signal is taken for shorted to
 /// the supply.

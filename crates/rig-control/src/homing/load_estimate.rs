@@ -12,7 +12,8 @@ use super::sweeps::{Bin, Sweeps};
 use crate::RigConstants;
 use crate::hysteresis::{MEMORY_ERROR, RodMemory};
 use crate::least_squares::Cholesky;
-use crate::mechanism::{Mechanism, TWIST_SCALE};
+use crate::mechanism::{Mechanism, bounded_scale};
+use crate::sensors::LVDT_COUNT_M;
 use rig_link::gap_curve::{GapCurve, TERMS};
 use rig_link::messages::{HomingFailure, LoadChoice};
 use tsa_table::{Point, Table};
@@ -22,15 +23,13 @@ pub const BINS: usize = 32;
 /// Bins at each end that are left out: the motor changes speed there, and the load sticks until the strings have taken
 /// up friction the other way round.
 pub const END_BINS: usize = 4;
-/// Bins that are used.
-const USED: usize = BINS - 2 * END_BINS;
 /// Gauss–Newton steps.
 pub const STEPS: u8 = 10;
 /// What the curve misses is smooth, so that neighbouring bins miss alike: the number of bins that count as independent.
 pub const INDEPENDENT_BINS: f32 = 4.0;
 /// Minimum error of a bin's gap and minimum noise of the gap in one tick (m): a tenth of the converter's code, which averaging
 /// over a moving load resolves.
-pub const MIN_GAP_ERROR_M: f32 = 5e-6;
+pub const MIN_GAP_ERROR_M: f32 = 0.1 * LVDT_COUNT_M;
 /// Maximum error of a bin's gap (m) that the fit takes for the law's own: the radius laws of docs/explanation/model.md
 /// 6 differ by less.
 pub const LAW_GAP_ERROR_M: f32 = 0.2e-3;
@@ -233,7 +232,7 @@ impl LoadEstimate {
             half_sum += by_load * (pair.half_gap_m - 0.5 * (up.gap_m - down.gap_m));
             half_squares += by_load * by_load;
         }
-        if n < 0.5 * USED as f32 {
+        if n < 0.5 * (BINS - 2 * END_BINS) as f32 {
             return Err(HomingFailure::PoorFit);
         }
         let scale_by_growth = matrix[4][1] / matrix[1][1].max(f32::MIN_POSITIVE);
@@ -267,7 +266,7 @@ impl LoadEstimate {
         let scale_step = step[1].clamp(-LARGEST_STEP[1], LARGEST_STEP[1]);
         self.unknowns = Unknowns {
             load_n: wanted_n.clamp(m.load_min_n, m.load_max_n),
-            twist_scale: (twist_scale * (1.0 + scale_step)).clamp(TWIST_SCALE[0], TWIST_SCALE[1]),
+            twist_scale: bounded_scale(twist_scale * (1.0 + scale_step)),
             offset_m: offset_m + 1e-3 * step[2],
             slope: slope + step[3],
             growth: growth + step[4],
@@ -315,9 +314,9 @@ impl LoadEstimate {
         }
         let unknown = surprise > MAX_SURPRISE && self.given == LoadChoice::Auto;
         // After homing there is one scale: that which does over the sweep what scale and growth do together.
-        let twist_scale = (twist_scale * (1.0 + scale_by_growth * growth)).clamp(TWIST_SCALE[0], TWIST_SCALE[1]);
+        let twist_scale = bounded_scale(twist_scale * (1.0 + scale_by_growth * growth));
         let mechanism = Mechanism { table: *table, twist_scale, curve: GapCurve::constant(offset_m) };
-        let rest: heapless::Vec<(f32, f32), USED> = self
+        let rest: heapless::Vec<(f32, f32), BINS> = self
             .pairs()
             .map(|pair| {
                 let [up, down] = self.modelled(&mechanism, &pair);

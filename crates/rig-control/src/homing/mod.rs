@@ -62,9 +62,6 @@ pub const SWEEP_HALF: f32 = 5.0;
 pub const LOAD_TURNS: f32 = 6.0;
 /// Acceleration of all of it, and of a jog (rad/s²): so little that a load hardly swings.
 pub(crate) const ACCELERATION: f32 = 25.0;
-/// How far (m) the load may hang from its place by the sweeps, friction aside: swinging and creep make less, a string that
-/// slips in its clamp makes more.
-const SHIFTED_M: f32 = 0.6e-3;
 /// Longest homing (s), start-up of the drive not counted.
 pub const TIME_OUT_S: f32 = 42.0;
 
@@ -435,7 +432,8 @@ impl Homing {
         let mechanism = Mechanism { table: *table, twist_scale: w.twist_scale, curve: w.curve };
         let there = mechanism.at(w.apparent_n - w.friction_n, PI);
         let shifted_m = (reference_gap_m - there.gap_m).abs();
-        if shifted_m > SHIFTED_M + 2.0 * w.friction_n * there.dgap_dload_m_per_n {
+        // Friction aside, swinging and creep make less than twice what counts as travel, and a string that slips in its clamp makes more.
+        if shifted_m > 2.0 * (TRAVEL_M + w.friction_n * there.dgap_dload_m_per_n) {
             return Err(HomingFailure::Shifted);
         }
         Ok(Phase::Done(Homed {

@@ -1,9 +1,7 @@
 //! Whether the load hangs still.
 
 use crate::observer::SETTLED_TICKS;
-
-/// A load is quiet when its smoothed gap (m) stays within this over an oscillation. The noise of one reading would be larger.
-const QUIET_M: f32 = 0.1e-3;
+use crate::sensors::LVDT_COUNT_M;
 
 /// Minimum and maximum gap (m) since some ticks; `None` before the first one.
 #[derive(Clone, Copy, Debug)]
@@ -19,7 +17,8 @@ impl Quiet {
     pub(super) fn step(&mut self, gap_m: f32) -> bool {
         let [low_m, high_m] = self.range_m.unwrap_or([gap_m; 2]);
         let [low_m, high_m] = [low_m.min(gap_m), high_m.max(gap_m)];
-        if high_m - low_m > QUIET_M {
+        // Within two counts over an oscillation. The noise of one reading would be larger than what is left of it by smoothing.
+        if high_m - low_m > 2.0 * LVDT_COUNT_M {
             *self = Self::NEW;
             return false;
         }

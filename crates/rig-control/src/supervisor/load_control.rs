@@ -6,12 +6,12 @@ use crate::limits::Limits;
 use crate::load_state::LoadState;
 use crate::planner::{Planner, SetPoint};
 use crate::position_loop::{LoopOutput, PositionLoop};
+use crate::sensors::LVDT_COUNT_M;
 use crate::{RigConstants, TICK_S};
 use rig_link::messages::Limit;
 
-/// Error within which a load counts as arrived: half an LVDT count (m), or more where the gap is noisier.
+/// Error within which a load counts as arrived, over the noise of the gap, where that is more than half an LVDT count.
 /// The loop goes on holding after that.
-const ARRIVED_M: f32 = 25e-6;
 const ARRIVED_NOISES: f32 = 2.5;
 /// A set-point waits for strings that are behind it, because the load has changed while they turn as fast as they can: from the first
 /// distance (m) on it is slower, and from the second on it has the smallest fraction of the motor's speed.
@@ -114,7 +114,7 @@ impl Move {
 
     /// Error (m) within which this load counts as arrived.
     fn arrived_m(load: &LoadState<'_>) -> f32 {
-        ARRIVED_M.max(ARRIVED_NOISES * load.gap_noise_m)
+        (0.5 * LVDT_COUNT_M).max(ARRIVED_NOISES * load.gap_noise_m)
     }
 
     /// Ramps down.

@@ -17,8 +17,6 @@ const DISAGREE_S: f32 = 0.012;
 const ALIKE_FRACTION: i64 = 4;
 /// Counts in one tick that no motor makes: this many times what its maximum speed makes, and what the two may differ.
 const JUMP_FACTOR: f32 = 1.5;
-/// A drive position that is nearer to zero than the two may differ, after having been this far away (counts), has been reset.
-const RESET_FAR: i32 = 8000;
 /// Age (µs) past which a report of the supply says nothing.
 const SUPPLY_OLD_US: u64 = 150_000;
 
@@ -88,14 +86,15 @@ impl DriveChecks {
             (inputs.encoder_counts - offset - drive_counts).abs() <= allowed_counts(counts_per_s)
         });
         let last_qc = self.last_drive_qc.replace(position_qc);
-        if started && !agree && was_reset(last_qc, position_qc) {
+        let max_counts = JUMP_FACTOR * constants.twist_speed_max() * constants.counts_per_rad.abs() * tick_s;
+        let max_counts = whole_counts(max_counts) + DISAGREE_COUNTS;
+        if started && !agree && was_reset(last_qc, position_qc, max_counts) {
             found.insert(Fault::DriveReset);
             return found;
         }
-        let max_counts = JUMP_FACTOR * constants.twist_speed_max() * constants.counts_per_rad.abs() * tick_s;
         let encoder = if !closed_loop {
             None
-        } else if moved_counts.abs() > whole_counts(max_counts) + DISAGREE_COUNTS {
+        } else if moved_counts.abs() > max_counts {
             Some(Fault::EncoderJump)
         } else {
             offset.and_then(|offset| self.disagreement([inputs.encoder_counts, drive_counts], offset, counts_per_s))
@@ -134,10 +133,10 @@ fn allowed_counts(counts_per_s: f32) -> i64 {
     DISAGREE_COUNTS + whole_counts(DISAGREE_S * counts_per_s.abs())
 }
 
-/// Whether a drive's count is near zero after having been far away. A fast shaft with many counts passes zero like this as well, but
-/// then the own encoder agrees.
-fn was_reset(last_qc: Option<i32>, now_qc: i32) -> bool {
-    last_qc.is_some_and(|last| last.saturating_abs() > RESET_FAR) && i64::from(now_qc).abs() < DISAGREE_COUNTS
+/// Whether a drive's count is nearer to zero than the two may differ, after having been farther away than any motor turns
+/// in a tick (counts). After some lost reports a fast shaft passes zero like this as well, but then the own encoder agrees.
+fn was_reset(last_qc: Option<i32>, now_qc: i32, max_counts: i64) -> bool {
+    last_qc.is_some_and(|last| i64::from(last).abs() > max_counts) && i64::from(now_qc).abs() < DISAGREE_COUNTS
 }
 
 #[cfg(test)]
@@ -146,9 +145,9 @@ mod tests {
 
     #[test]
     fn a_count_at_zero_after_a_count_far_away_was_reset() {
-        assert!(was_reset(Some(8001), 0) && was_reset(Some(-9000), 1499));
+        assert!(was_reset(Some(8001), 0, 8000) && was_reset(Some(-9000), 1499, 8000));
         for (last_qc, now_qc) in [(None, 0), (Some(7999), 0), (Some(8001), 1500)] {
-            assert!(!was_reset(last_qc, now_qc), "{last_qc:?} {now_qc}");
+            assert!(!was_reset(last_qc, now_qc, 8000), "{last_qc:?} {now_qc}");
         }
         // At 9000 counts in a tick of 10 ms, own encoder and drive may be a tick apart.
         assert!(allowed_counts(9e5) > 9000 && allowed_counts(0.0) < 4096);

@@ -1,15 +1,14 @@
 //! The gap: what it shows of the strings, and of the LVDT itself.
 
 use super::super::lasts;
-use super::lvdt_jump::{JUMP_M, LvdtJump};
+use super::lvdt_jump::{JUMP_M, LvdtJump, STEP_TICKS};
 use super::{BRIEF_TICKS, LONG_TICKS, Situation};
 use crate::sensors::{DriveReading, LvdtReading};
 use rig_link::messages::Fault;
 
 /// A load that falls by so much (m) since the last good reading, after it has fallen farther than any motor moves it
-/// ([`JUMP_M`]) in each of so many ticks, has dropped. A sensor that shifts steps in one or two ticks.
+/// ([`JUMP_M`]) in more ticks than a sensor that shifts steps in ([`STEP_TICKS`]), has dropped.
 const DROP_M: f32 = 5e-3;
-const DROP_TICKS: u16 = 3;
 /// Rms noise (codes) of a block in which a load falls at up to 2 m/s; one in which a wire breaks has far more.
 const FALLING_NOISE: f32 = 60.0;
 
@@ -44,7 +43,7 @@ impl GapChecks {
         let gap_m = situation.constants.lvdt_gap_m(block.mean_code);
         let falls = self.last_block_m.replace(gap_m).is_some_and(|last| gap_m - last > JUMP_M);
         let dropped =
-            lasts(&mut self.drop_ticks, falls, DROP_TICKS) && self.last_gap_m.is_some_and(|last| gap_m - last > DROP_M);
+            lasts(&mut self.drop_ticks, falls, STEP_TICKS as u16 + 1) && self.last_gap_m.is_some_and(|last| gap_m - last > DROP_M);
         self.last_gap_m = lvdt.gap_m().or(self.last_gap_m);
         // A falling load blurs its block; a broken wire blurs it far more.
         let real = !matches!(lvdt, LvdtReading::Invalid(Fault::LvdtOpen | Fault::LvdtShort));

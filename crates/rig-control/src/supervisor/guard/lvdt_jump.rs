@@ -9,27 +9,25 @@
 pub(super) const JUMP_M: f32 = 1.0e-3;
 /// Blocks of samples are 6 ms long: a step within one is spread over two ticks at most. As many ticks without a reading may lie
 /// between, because the block in which the step falls is too noisy to be a position.
-const STEP_TICKS: usize = 2;
+pub(super) const STEP_TICKS: usize = 2;
 /// Ticks before and after the step in which the gap must go on evenly, as a motor moves it.
 const CALM_TICKS: usize = 3;
 /// The step is at least this many times the way in the calm ticks, both less what an even motion does: all of it, because an
 /// oscillation about its turning point comes back to where it was. Half an oscillation of 30 ms has less.
 const CLEAR_FACTOR: f32 = 5.0;
 
-const LENGTH: usize = 2 * CALM_TICKS + STEP_TICKS + 1;
-
 /// The last gaps.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LvdtJump {
     /// Oldest first (m).
-    gaps_m: [f32; LENGTH],
+    gaps_m: [f32; 2 * CALM_TICKS + STEP_TICKS + 1],
     count: usize,
     missing: usize,
 }
 
 impl LvdtJump {
     pub(super) const fn new() -> Self {
-        Self { gaps_m: [0.0; LENGTH], count: 0, missing: 0 }
+        Self { gaps_m: [0.0; 2 * CALM_TICKS + STEP_TICKS + 1], count: 0, missing: 0 }
     }
 
     /// One tick's gap (m), if there is one; whether it stepped [`CALM_TICKS`] ago.
@@ -43,14 +41,15 @@ impl LvdtJump {
         };
         self.missing = 0;
         self.gaps_m.rotate_left(1);
-        self.gaps_m[LENGTH - 1] = gap_m;
-        self.count = (self.count + 1).min(LENGTH);
+        let all = self.gaps_m.len();
+        self.gaps_m[all - 1] = gap_m;
+        self.count = (self.count + 1).min(all);
         let (before, after) = (&self.gaps_m[..=CALM_TICKS], &self.gaps_m[CALM_TICKS + STEP_TICKS..]);
         let moves_m = || before.windows(2).chain(after.windows(2)).map(|pair| pair[1] - pair[0]);
         let even_m = moves_m().sum::<f32>() / (2 * CALM_TICKS) as f32;
         let uneven_m: f32 = moves_m().map(|m| (m - even_m).abs()).sum();
         let step_m = (after[0] - before[CALM_TICKS] - STEP_TICKS as f32 * even_m).abs();
-        let jumped = self.count == LENGTH && step_m > JUMP_M.max(CLEAR_FACTOR * uneven_m);
+        let jumped = self.count == all && step_m > JUMP_M.max(CLEAR_FACTOR * uneven_m);
         if jumped {
             self.count = 0;
         }

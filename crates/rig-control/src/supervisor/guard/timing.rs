@@ -1,15 +1,14 @@
 //! Ticks that come late.
 
 use super::super::ticks;
+use crate::sensors::OLD_US;
 use crate::{TICK_US, seconds};
 
-/// A tick this long (µs) after the one before is late; one this long after is a fault by itself: the encoder's 16 bits
-/// could wrap unseen at full speed, and the drive has stood at an old target.
+/// A tick this long (µs) after the one before is late. One after which every report is old ([`OLD_US`]) is a fault by itself: the
+/// encoder's 16 bits could wrap unseen at full speed, and the drive has stood at an old target.
 const LATE_US: u64 = TICK_US + TICK_US / 2;
-const LATE_AT_ONCE_US: u64 = 6 * TICK_US;
-/// Each late tick costs this much, each tick in time takes 1 off, and this much in all is a fault: five in a second.
+/// Each late tick costs this much, each tick in time takes 1 off, and more than four times as much is a fault: five in a second.
 const LATE_COST: u16 = ticks(25);
-const MAX_LATE: u16 = 4 * LATE_COST;
 
 /// When ticks came.
 #[derive(Clone, Copy, Debug)]
@@ -45,7 +44,7 @@ impl TickTiming {
         } else {
             self.late_cost = self.late_cost.saturating_sub(1);
         }
-        self.apart_us > LATE_AT_ONCE_US || self.late_cost > MAX_LATE
+        self.apart_us > OLD_US || self.late_cost > 4 * LATE_COST
     }
 
     /// The next tick is not late, however long it takes to come.
@@ -60,7 +59,7 @@ impl TickTiming {
 
     /// Whether ticks were missing so lately that drive and sensors may not have been heard since.
     pub(super) fn ticks_missed_lately(&self) -> bool {
-        self.since_late_us <= LATE_AT_ONCE_US
+        self.since_late_us <= OLD_US
     }
 }
 
@@ -83,8 +82,8 @@ mod tests {
 
     #[test]
     fn one_very_late_tick_or_five_late_ones_in_a_second_are_a_fault() {
-        assert_eq!(is_fault(&[60_000]), (false, 1));
-        assert_eq!(is_fault(&[60_001]), (true, 1));
+        assert_eq!(is_fault(&[OLD_US]), (false, 1));
+        assert_eq!(is_fault(&[OLD_US + 1]), (true, 1));
         assert_eq!(is_fault(&[15_000; 100]), (false, 0));
         assert_eq!(is_fault(&[15_001; 4]), (false, 4));
         assert_eq!(is_fault(&[15_001; 5]), (true, 5));

@@ -72,7 +72,7 @@ fn near(found: f32, expected: f32, fraction: f32) {
 
 #[test]
 fn the_curve_goes_through_a_cubic_rest_and_carries_the_offset() {
-    let rest: [(f32, f32); USED] = core::array::from_fn(|k| {
+    let rest: [(f32, f32); 24] = core::array::from_fn(|k| {
         let twist_rad = 8.0 + k as f32;
         let place = (twist_rad - 19.5) / 11.5;
         (twist_rad, 1e-4 * place * place * place - 5e-5 * place)
