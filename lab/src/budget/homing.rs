@@ -8,6 +8,7 @@
 use super::columns::{Column, State};
 use nalgebra::{Matrix4, SMatrix, SVector, Vector4};
 use rig_control::homing::{LOAD_TURNS, load_estimate};
+use rig_link::gap_curve::TERMS;
 use std::f64::consts::{PI, TAU};
 use std::ops::RangeInclusive;
 use tsa_model::PRETWIST_RAD;
@@ -78,7 +79,7 @@ impl Homing {
         let place = |twist_rad: f64| (2.0 * (twist_rad - from) / (to - from) - 1.0).clamp(-1.0, 1.0);
         let error_m =
             residual_m.clamp(f64::from(load_estimate::MIN_GAP_ERROR_M), f64::from(load_estimate::LAW_GAP_ERROR_M));
-        let weight = f64::from(load_estimate::INDEPENDENT_BINS) / ((last - first + 1) as f64 * error_m * error_m);
+        let weight = TERMS as f64 / ((last - first + 1) as f64 * error_m * error_m);
         let known = priors.sigmas().map(|sigma| 1.0 / (sigma * sigma));
         let seen: Matrix = jacobian[first..=last].iter().map(|j| j * j.transpose() * weight).sum();
         Self {
@@ -108,12 +109,11 @@ impl Homing {
 
     /// Relative error of the load for gaps that are wrong by 1 m rms, in as many independent stretches as the fit counts on.
     pub fn load_of_stretches(&self) -> f64 {
-        let count = load_estimate::INDEPENDENT_BINS as usize;
         let (first, states) = (*self.weighed.start(), self.weighed.clone().count());
         let mut squares = 0.0;
-        for stretch in 0..count {
+        for stretch in 0..TERMS {
             let mut change_m = vec![0.0; self.place.len()];
-            for k in (0..states).filter(|k| k * count / states == stretch) {
+            for k in (0..states).filter(|k| k * TERMS / states == stretch) {
                 change_m[first + k] = 1.0;
             }
             squares += self.gap(&change_m).0.powi(2);

@@ -25,8 +25,6 @@ pub const BINS: usize = 32;
 pub const END_BINS: usize = 4;
 /// Gauss–Newton steps.
 pub const STEPS: u8 = 10;
-/// What the curve misses is smooth, so that neighbouring bins miss alike: the number of bins that count as independent.
-pub const INDEPENDENT_BINS: f32 = 4.0;
 /// Minimum error of a bin's gap and minimum noise of the gap in one tick (m): a tenth of the converter's code, which averaging
 /// over a moving load resolves.
 pub const MIN_GAP_ERROR_M: f32 = 0.1 * LVDT_COUNT_M;
@@ -238,7 +236,8 @@ impl LoadEstimate {
         let scale_by_growth = matrix[4][1] / matrix[1][1].max(f32::MIN_POSITIVE);
         let residual_mm = libm::sqrtf(squares / n);
         let gap_error_mm = residual_mm.clamp(MM * MIN_GAP_ERROR_M, MM * LAW_GAP_ERROR_M);
-        let weight = INDEPENDENT_BINS / (n * gap_error_mm * gap_error_mm);
+        // Neighbouring bins miss alike: as many count as independent as the curve that is left has terms.
+        let weight = TERMS as f32 / (n * gap_error_mm * gap_error_mm);
         right.iter_mut().chain(matrix.iter_mut().flatten()).for_each(|x| *x *= weight);
         let mut add = |unknown: usize, by: f32, missing: f32, sigma: f32| {
             let information = by / (sigma * sigma);

@@ -177,7 +177,7 @@ fn the_fit_ends_at_the_minimum_and_states_the_inverse_of_its_curvature() {
         let left = residuals(&load_estimate, at);
         let residual_mm = (left.iter().map(|r| r * r).sum::<f64>() / left.len() as f64).sqrt();
         assert!((5e-3..0.2).contains(&residual_mm), "neither bound of the residual is met: {residual_mm}");
-        let weight = f64::from(INDEPENDENT_BINS) / (left.len() as f64 * residual_mm * residual_mm);
+        let weight = TERMS as f64 / (left.len() as f64 * residual_mm * residual_mm);
         // Derivatives of the residuals by differences.
         const STEP: f32 = 4e-3;
         let derivatives: [std::vec::Vec<f64>; UNKNOWNS] = core::array::from_fn(|unknown| {
