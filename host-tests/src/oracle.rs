@@ -25,7 +25,8 @@ const CHANGED_S: f64 = 5.0;
 const WRONG_S: f64 = 1.0;
 /// How far the shaft may still turn by the motor's torque (rad) once a fault has been latched for half a second.
 const TURNED_RAD: f64 = 0.3;
-/// How far the load must truly be behind its set-point (m) for that to be a fault, at some time in the last second.
+/// How far the load must truly be behind its set-point (m), the stated error of its position aside, for that to be a fault, at some
+/// time in the last second.
 const BEHIND_M: f64 = 2e-3;
 /// Travel (m) after which a load shows what it weighs: twice that over which the board's estimate follows it.
 const MOVED_M: f64 = 2.0 * TRAVEL_M as f64;
@@ -137,7 +138,9 @@ impl Scenario {
             }
         }
         self.found.seconds = now_s;
-        let behind = |set_point_m: f32| (self.bench.true_position_m() - f64::from(set_point_m)).abs() > BEHIND_M;
+        let stated_m = telemetry.position_error_m.map_or(0.0, f64::from);
+        let behind =
+            |set_point_m: f32| (self.bench.true_position_m() - f64::from(set_point_m)).abs() > BEHIND_M - stated_m;
         if telemetry.setpoint_m.is_some_and(behind) {
             self.behind_s = now_s;
         }

@@ -38,10 +38,9 @@ const RESTING_BAND: f32 = 0.577;
 /// Standard error by creep and warming up, as a fraction of the load, at once and in the end; and the time that it takes (s).
 const DRIFT: [f32; 2] = [0.003, 0.012];
 const DRIFT_S: f32 = 600.0;
-/// Fraction of the confirmed load that the estimate may leave it by: drift, warm-up and friction do no more.
+/// Fraction of the confirmed load that the estimate may leave it by: drift, warm-up and friction do no more. A move up and a move
+/// down confirm a load if they differ by less than half of that.
 const CONFIRMED_FRACTION: f32 = 0.1;
-/// Maximum difference (fraction of the load) of a move up and a move down that confirm the load.
-const SAME_FRACTION: f32 = 0.05;
 
 /// Errors of the load that change along a move as a drift of the strings does, without being one.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -177,7 +176,7 @@ impl LoadObserver {
         let way = usize::from(self.direction > 0.0);
         self.moved_load_n[way] = agrees.then_some(self.apparent_n);
         if let [Some(down_n), Some(up_n)] = self.moved_load_n
-            && (up_n - down_n).abs() < SAME_FRACTION * self.apparent_n
+            && (up_n - down_n).abs() < 0.5 * CONFIRMED_FRACTION * self.apparent_n
         {
             self.confirmed_n = Some(self.apparent_n);
         }

@@ -17,7 +17,7 @@ use crate::rest::{Rest, Standing};
 
 /// Poles `(s + A)(s² + B s + C)` over ω, with a damping ratio of 0.32: chosen, with [`FULL_PER_S`] and the observer's decay, by the
 /// margins of the linear analysis and by load steps on emulated rigs (docs/explanation/control.md 3).
-const POLES: [f32; 3] = [0.5, 0.6, 0.9];
+pub const POLES: [f32; 3] = [0.5, 0.6, 0.9];
 /// Feedback of p, p'/ω and q, over ω, that places them: `s³ + K₂ s² + (1 + K₁) s + (K₀ + K₂)`.
 pub const GAINS: [f32; 3] = {
     let [a, b, c] = POLES;
@@ -30,8 +30,6 @@ const DAMPING_FRACTION: f32 = 0.8;
 /// the observer is then hardly faster than the load. With one number for both, half a kilogram moves less evenly on nominal plants.
 pub const FULL_PER_S: f32 = 22.0;
 const THIN_PER_S: f32 = 36.0;
-/// Slowest pole of the loop where the gains are full (1/s).
-pub const BANDWIDTH_PER_S: f32 = POLES[0] * FULL_PER_S;
 /// Speed over error (1/s) at which the strings turn for a load that sticks: slow enough that it is seen to move before it is past
 /// its target.
 const STUCK_PER_S: f32 = 2.0;

@@ -6,13 +6,12 @@
 
 use super::columns::{Column, State};
 use super::homing::Priors;
-use super::{Part, RigErrors, SESSION_S, SPEED_M_PER_S};
+use super::{BANDWIDTH_PER_S, Part, RigErrors, SESSION_S, SPEED_M_PER_S};
 use rig_config::Scene;
 use rig_control::TICK_S;
 use rig_control::homing;
 use rig_control::homing::load_estimate::MIN_GAP_ERROR_M;
 use rig_control::limits::rise_s;
-use rig_control::position_loop::BANDWIDTH_PER_S;
 use rig_link::messages::LVDT_POINTS_MAX;
 use rig_plant::rig::effects::{
     CREEP_TIMES_S, LVDT_GAIN_PER_K, ROD_STRESS_PER_K, ROD_THRESHOLDS, RUN_IN_CYCLES, TURNS_PER_CYCLE, rod_onset,
@@ -192,15 +191,14 @@ impl Effects<'_> {
     /// The shaft follows its set-point late: while the load gains speed an error builds up, which the loop takes back. At rest
     /// an error within the noise is left alone.
     fn following(&self, noise_m: f64) -> Direct {
-        let bandwidth = f64::from(BANDWIDTH_PER_S);
         let lag_s = LAG_TICKS * f64::from(TICK_S);
         let move_s = self.column.travel_m() / SPEED_M_PER_S;
         let resting_m = f64::from(homing::NINETY_PERCENT) * noise_m.max(f64::from(MIN_GAP_ERROR_M)) / 3f64.sqrt();
         let rise_s = |s: &State| f64::from(rise_s(s.load_n as f32, s.by_load as f32));
         // At both ends of a move it decays with the loop: the mean square of two exponentials.
         let moving_m = |s: &State| {
-            let rise = bandwidth * rise_s(s);
-            SPEED_M_PER_S * lag_s * -(-rise).exp_m1() / rise / (bandwidth * move_s).sqrt()
+            let rise = BANDWIDTH_PER_S * rise_s(s);
+            SPEED_M_PER_S * lag_s * -(-rise).exp_m1() / rise / (BANDWIDTH_PER_S * move_s).sqrt()
         };
         let oscillation = |s: &State| {
             let rise_s = rise_s(s);

@@ -20,13 +20,15 @@ use effects::{Direct, Effect, Effects};
 use homing::{Homing, Taken};
 use rig_config::{Scene, SceneError};
 use rig_control::homing::load_estimate;
-use rig_control::position_loop::BANDWIDTH_PER_S;
+use rig_control::position_loop::{FULL_PER_S, POLES};
 use rig_plant::PlantKey;
 use tsa_model::{Mechanism, Tier};
 use tsa_table::{Accuracy, Table};
 
 /// Speed of the moves that the budget is for (m/s): that of `rigctl move` unless its option says another.
 pub const SPEED_M_PER_S: f64 = 2e-3;
+/// Slowest pole of the position loop where its gains are full (1/s).
+const BANDWIDTH_PER_S: f64 = POLES[0] as f64 * FULL_PER_S as f64;
 /// How long after homing the rig is used, without a break (s).
 pub const SESSION_S: f64 = 600.0;
 /// Half width of the interval that holds 90 of 100 cases, over the standard error.
@@ -284,7 +286,7 @@ fn others() -> [Part; 5] {
 
 /// How far a move lags (m) for a transmission ratio that is wrong by all of it.
 fn per_ratio_m() -> f64 {
-    SPEED_M_PER_S / f64::from(BANDWIDTH_PER_S)
+    SPEED_M_PER_S / BANDWIDTH_PER_S
 }
 
 /// Change of the gap by a cheaper tier; `None` where it has no answer.

@@ -31,9 +31,6 @@ pub const MIN_GAP_ERROR_M: f32 = 0.1 * LVDT_COUNT_M;
 /// Maximum error of a bin's gap (m) that the fit takes for the law's own: the radius laws of docs/explanation/model.md
 /// 6 differ by less.
 pub const LAW_GAP_ERROR_M: f32 = 0.2e-3;
-/// Rms gap (m) left by the fit beyond which neither strings nor LVDT are of the scene's kind: ten times what the laws that
-/// fit the paper's numbers differ by.
-const MAX_RESIDUAL_M: f32 = 2e-3;
 /// Maximum sum of squares of what the fit finds, each as a multiple of its standard error by the scene. Beyond it, rig and
 /// scene contradict each other, and the load is unknown: of 300 nominal and hard rigs, one is beyond it.
 const MAX_SURPRISE: f32 = 5.0;
@@ -280,7 +277,8 @@ impl LoadEstimate {
         let uncertainty = &m.uncertainty;
         let Unknowns { load_n, twist_scale, offset_m, slope, growth } = self.unknowns;
         let Fit { covariance, scale_by_growth, residual_m } = *fit;
-        if residual_m > MAX_RESIDUAL_M {
+        // Ten times what the laws that fit the paper's numbers differ by: neither strings nor LVDT are of the scene's kind.
+        if residual_m > 10.0 * LAW_GAP_ERROR_M {
             return Err(HomingFailure::PoorFit);
         }
         // Where radius, zero and the residual are farther from what the scene says than its uncertainty allows, the scene is

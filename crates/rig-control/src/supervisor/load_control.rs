@@ -1,7 +1,7 @@
 //! A planned move of the load, and the hold after it: planner and position loop, tick by tick, and when a move is over.
 
-use super::guard::SHORT_TICKS;
-use super::{lasts, ticks};
+use super::guard::{LONG_TICKS, SHORT_TICKS};
+use super::lasts;
 use crate::limits::Limits;
 use crate::load_state::LoadState;
 use crate::planner::{Planner, SetPoint};
@@ -10,15 +10,10 @@ use crate::sensors::LVDT_COUNT_M;
 use crate::{RigConstants, TICK_S};
 use rig_link::messages::Limit;
 
-/// Error within which a load counts as arrived, over the noise of the gap, where that is more than half an LVDT count.
-/// The loop goes on holding after that.
-const ARRIVED_NOISES: f32 = 2.5;
 /// A set-point waits for strings that are behind it, because the load has changed while they turn as fast as they can: from the first
 /// distance (m) on it is slower, and from the second on it has the smallest fraction of the motor's speed.
 const BEHIND_M: [f32; 2] = [0.5e-3, 1.5e-3];
 const MIN_FRACTION: f32 = 0.05;
-/// Longest wait for the load, or for the strings to have stood at the end of their travel.
-const PATIENCE_TICKS: u16 = ticks(600);
 
 /// Set-point of the load, and the loop that keeps the load there.
 #[derive(Clone, Copy, Debug)]
@@ -112,11 +107,6 @@ impl Move {
         braking
     }
 
-    /// Error (m) within which this load counts as arrived.
-    fn arrived_m(load: &LoadState<'_>) -> f32 {
-        (0.5 * LVDT_COUNT_M).max(ARRIVED_NOISES * load.gap_noise_m)
-    }
-
     /// Ramps down.
     pub(super) fn stop(&mut self) {
         if !self.stopping {
@@ -174,11 +164,12 @@ impl Move {
         let error_m = self.control.planner.target_m() - load.position_m;
         // What stiction leaves.
         let left_m = self.control.position_loop.rest.left_alone_m(load.gap_noise_m, load.jump_m);
-        let near = error_m.abs() < Self::arrived_m(load).max(left_m);
+        // Half an LVDT count, or what is no motion; the loop goes on holding after that.
+        let near = error_m.abs() < (0.5 * LVDT_COUNT_M).max(load.moved_m()).max(left_m);
         let arrived = lasts(&mut self.near_ticks, near, SHORT_TICKS);
         let ended = lasts(&mut self.end_ticks, at_end, SHORT_TICKS);
         self.rest_ticks += 1;
-        arrived || ended || self.rest_ticks >= PATIENCE_TICKS
+        arrived || ended || self.rest_ticks >= 2 * LONG_TICKS
     }
 }
 

@@ -1,5 +1,4 @@
 use super::*;
-use rig_control::position_loop::BANDWIDTH_PER_S;
 use rig_plant::RigPreset;
 
 pub(super) fn scene() -> Scene {
@@ -125,7 +124,7 @@ fn a_wrong_ratio_makes_a_move_lag() {
     let homed = under.column.each(|_| 0.0);
     under.clear(Part::Law);
     under.add_gap(&Effect { later, ..Effect::homed(Part::Law, homed) });
-    near(at(&budget, Part::Law, 3, 15)[0], 0.1 * 2e-3 / f64::from(BANDWIDTH_PER_S), 0.02, "a tenth of the ratio");
+    near(at(&budget, Part::Law, 3, 15)[0], 0.1 * 2e-3 / BANDWIDTH_PER_S, 0.02, "a tenth of the ratio");
 }
 
 #[test]

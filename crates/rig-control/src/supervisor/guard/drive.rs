@@ -1,17 +1,15 @@
 //! Drive and encoder: whether the drive answers, has restarted, has its supply, and counts as the own encoder does.
 
 use super::super::{Inputs, lasts};
+use super::timing::LATE_US;
 use super::{BRIEF_TICKS, Situation};
 use crate::sensors::{DriveReading, OLD_US};
 use crate::{RigConstants, seconds, whole_counts};
 use core::f32::consts::TAU;
 use rig_link::messages::{Fault, Faults};
 
-/// Maximum that own encoder and drive may differ (counts), at rest and for each count per second of speed, once the report
-/// has been brought forward by its age (src/README.md 3): what is left is the bus, both tasks, and the drive's coarse
-/// speed. A slipped motor turn, 4096 counts, must show.
+/// Maximum that own encoder and drive may differ (counts) at rest. A slipped motor turn, 4096 counts, must show.
 const DISAGREE_COUNTS: i64 = 1500;
-const DISAGREE_S: f32 = 0.012;
 /// Fraction of the disagreement by which the two may grow apart further and still count alike, but for one jump; and of the
 /// other's way below which one has not moved.
 const ALIKE_FRACTION: i64 = 4;
@@ -128,9 +126,11 @@ impl DriveChecks {
     }
 }
 
-/// By how much own encoder and drive may differ at a speed (counts/s).
+/// By how much own encoder and drive may differ at a speed (counts/s), once the report has been brought forward by its age
+/// (src/README.md 3): as much more as the shaft turns in the longest tick that is not late, for bus, both tasks, and the drive's
+/// coarse speed.
 fn allowed_counts(counts_per_s: f32) -> i64 {
-    DISAGREE_COUNTS + whole_counts(DISAGREE_S * counts_per_s.abs())
+    DISAGREE_COUNTS + whole_counts(seconds(LATE_US) * counts_per_s.abs())
 }
 
 /// Whether a drive's count is nearer to zero than the two may differ, after having been farther away than any motor turns

@@ -42,8 +42,8 @@ impl GapChecks {
         let lvdt = situation.readings.lvdt;
         let gap_m = situation.constants.lvdt_gap_m(block.mean_code);
         let falls = self.last_block_m.replace(gap_m).is_some_and(|last| gap_m - last > JUMP_M);
-        let dropped =
-            lasts(&mut self.drop_ticks, falls, STEP_TICKS as u16 + 1) && self.last_gap_m.is_some_and(|last| gap_m - last > DROP_M);
+        let dropped = lasts(&mut self.drop_ticks, falls, STEP_TICKS as u16 + 1)
+            && self.last_gap_m.is_some_and(|last| gap_m - last > DROP_M);
         self.last_gap_m = lvdt.gap_m().or(self.last_gap_m);
         // A falling load blurs its block; a broken wire blurs it far more.
         let real = !matches!(lvdt, LvdtReading::Invalid(Fault::LvdtOpen | Fault::LvdtShort));

@@ -37,7 +37,7 @@ use tsa_table::Metadata;
 /// follow; than somebody needs to hang a load on or to take it off.
 const BRIEF_TICKS: u16 = ticks(8);
 pub(super) const SHORT_TICKS: u16 = ticks(30);
-const LONG_TICKS: u16 = ticks(300);
+pub(super) const LONG_TICKS: u16 = ticks(300);
 
 /// What the checks compare in one tick: readings, and what the rig is doing.
 pub(super) struct Situation<'a> {

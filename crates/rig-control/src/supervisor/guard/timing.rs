@@ -6,7 +6,7 @@ use crate::{TICK_US, seconds};
 
 /// A tick this long (µs) after the one before is late. One after which every report is old ([`OLD_US`]) is a fault by itself: the
 /// encoder's 16 bits could wrap unseen at full speed, and the drive has stood at an old target.
-const LATE_US: u64 = TICK_US + TICK_US / 2;
+pub(super) const LATE_US: u64 = TICK_US + TICK_US / 2;
 /// Each late tick costs this much, each tick in time takes 1 off, and more than four times as much is a fault: five in a second.
 const LATE_COST: u16 = ticks(25);
 

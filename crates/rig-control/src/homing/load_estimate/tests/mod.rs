@@ -292,8 +292,8 @@ fn a_surprise_makes_everything_less_certain() {
         let given = result(unknowns, LoadChoice::Known(5.0), 5.0, residual_m).expect("a load");
         near(given.load_sigma_n, 5.0 * libm::sqrtf(inflation * 1e-4), 1e-3);
     }
-    assert!(result(EXPECTED, LoadChoice::Auto, 5.0, 0.99 * MAX_RESIDUAL_M).is_ok());
-    assert_eq!(result(EXPECTED, LoadChoice::Auto, 5.0, 1.01 * MAX_RESIDUAL_M), Err(HomingFailure::PoorFit));
+    assert!(result(EXPECTED, LoadChoice::Auto, 5.0, 9.9 * LAW_GAP_ERROR_M).is_ok());
+    assert_eq!(result(EXPECTED, LoadChoice::Auto, 5.0, 10.1 * LAW_GAP_ERROR_M), Err(HomingFailure::PoorFit));
 }
 
 #[test]
