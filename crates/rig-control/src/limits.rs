@@ -5,7 +5,7 @@
 //! travel nor load leave the table.
 
 use crate::RigConstants;
-use crate::load_motion::STANDARD_GRAVITY_M_PER_S2;
+use rig_link::STANDARD_GRAVITY;
 use rig_link::messages::Limit;
 use tsa_table::Point;
 
@@ -36,7 +36,7 @@ pub struct Limits {
 /// the load hardly oscillates.
 pub fn rise_s(load_n: f32, dgap_dload_m_per_n: f32) -> f32 {
     // ω² = k/m, k = 1/(∂G/∂F), m = F/g.
-    let frequency = libm::sqrtf(STANDARD_GRAVITY_M_PER_S2 / (load_n * dgap_dload_m_per_n));
+    let frequency = libm::sqrtf(STANDARD_GRAVITY as f32 / (load_n * dgap_dload_m_per_n));
     RISE_S.max(RISE_OSCILLATIONS / frequency)
 }
 

@@ -12,11 +12,10 @@
 use crate::mechanism::Mechanism;
 use crate::sensors::OLD_US;
 use crate::{TICK_S, seconds};
+use rig_link::STANDARD_GRAVITY;
 
 /// Decay λ of the observer's errors (1/s): slow enough for 10 ms of delay that is not known, and for the noise of the gap.
 pub const OBSERVER_PER_S: f32 = 65.0;
-/// Standard gravity (m/s²): weight over mass.
-pub(crate) const STANDARD_GRAVITY_M_PER_S2: f32 = 9.806_65;
 /// Time from the readings of a tick to the middle of what its command does (s): half of the tick for which a speed holds, and
 /// what bus and speed loop of the drive take (crates/rmds405/README.md 2.7, assumed). The lag of its position loop is
 /// measured while homing and made up for in the command.
@@ -95,7 +94,7 @@ impl LoadMotion {
 
     /// Mass of the load (kg).
     fn mass_kg(&self) -> f32 {
-        self.weight_n / STANDARD_GRAVITY_M_PER_S2
+        self.weight_n / STANDARD_GRAVITY as f32
     }
 
     /// Square of the frequency at which the load oscillates here ((rad/s)²).
@@ -145,7 +144,7 @@ mod tests {
 
     /// A load that swings at a frequency (rad/s), displaced from rest (m).
     fn swinging(frequency: f32, displaced_m: f32) -> LoadMotion {
-        let (weight_n, mass) = (5.0, 5.0 / STANDARD_GRAVITY_M_PER_S2);
+        let (weight_n, mass) = (5.0, 5.0 / STANDARD_GRAVITY as f32);
         let k = frequency * frequency * mass;
         LoadMotion {
             gap_m: 0.05 + displaced_m,
@@ -201,7 +200,7 @@ mod tests {
             let mut after = before;
             after.correct(error_m, step_s);
             let speed = 1.5 * (1.0 - z * z) * (1.0 - z) / step_s - frequency * frequency * step_s;
-            let weight = 5.0 / STANDARD_GRAVITY_M_PER_S2 * (1.0 - z).powi(3) / (step_s * step_s);
+            let weight = 5.0 / STANDARD_GRAVITY as f32 * (1.0 - z).powi(3) / (step_s * step_s);
             let gained = [after.gap_m - before.gap_m, after.speed_m_per_s, after.weight_n - before.weight_n];
             for (got, gain) in gained.into_iter().zip([1.0 - z.powi(3), speed.max(0.0), weight]) {
                 assert!((got - gain * error_m).abs() < 1e-3 * gain * error_m + 1e-8, "{frequency} rad/s: {got} {gain}");

@@ -32,6 +32,9 @@ pub use frame::{DecodeError, Decoder, EncodeError, Frame, MAX_FRAME, encode};
 pub use messages::*;
 pub use protocol::PROTOCOL_HASH;
 
+/// Standard gravity (m/s², CODATA): what turns a mass into a load.
+pub const STANDARD_GRAVITY: f64 = 9.806_65;
+
 /// Bits per second on the UART (8 data bits, no parity, 1 stop bit).
 pub const BAUD: u32 = 115_200;
 

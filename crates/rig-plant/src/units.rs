@@ -2,8 +2,7 @@
 
 use std::f64::consts::{PI, TAU};
 
-/// Standard gravity (m/s², CODATA): what turns a mass into a load.
-pub const STANDARD_GRAVITY: f64 = 9.806_65;
+pub use rig_link::STANDARD_GRAVITY;
 
 /// A unit: its name, and its size in SI units.
 #[derive(Debug, Clone, Copy, PartialEq)]

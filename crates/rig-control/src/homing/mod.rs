@@ -46,8 +46,6 @@ pub const SPEED: f32 = 6.5;
 /// A shaft that is this far (rad) behind its set-point stands against fully closed strings: more than any drive lags at this
 /// speed, and little enough to turn back before the drive takes it for a stall and drops the load.
 const PROBE_BEHIND: f32 = 0.5;
-/// Fall before such a rise (m) that shows that this is not the way to zero twist: more of it would close the strings.
-const SEEK_ASTRAY_M: f32 = 3e-3;
 /// Turn (rad) over which the rise of the gap is measured, how often in a row it must have grown, and by how much in all, to show
 /// a reversed LVDT. Estimated for the default rig, not measured: it grows by 12 % and more from window to window, and friction
 /// makes up to 8 % of it.
@@ -333,7 +331,8 @@ impl Homing {
         if seek.low_m.is_none() && fall_m > TRAVEL_M {
             self.zero_rad = seek.top_rad;
             Ok(Phase::CentreRest { ticks: 0 })
-        } else if seek.low_m.is_some() && (fall_m > SEEK_ASTRAY_M || turned > PROBE_TRAVEL) {
+        } else if seek.low_m.is_some() && (fall_m > 10.0 * TRAVEL_M || turned > PROBE_TRAVEL) {
+            // This is not the way to zero twist: more of it would close the strings.
             Err(HomingFailure::NoPretwist)
         } else if turned > 0.98 * SEEK_TRAVEL {
             Err(HomingFailure::TravelEnd)

@@ -11,7 +11,8 @@ use crate::{RigConstants, TICK_S};
 use rig_link::messages::Limit;
 
 /// A set-point waits for strings that are behind it, because the load has changed while they turn as fast as they can: from the first
-/// distance (m) on it is slower, and from the second on it has the smallest fraction of the motor's speed.
+/// distance (m) on it is slower, and from the second on it has the smallest fraction of the motor's speed. It never stands, so that
+/// a load which is jammed becomes a following error.
 const BEHIND_M: [f32; 2] = [0.5e-3, 1.5e-3];
 const MIN_FRACTION: f32 = 0.05;
 

@@ -6,9 +6,6 @@ use super::{BRIEF_TICKS, LONG_TICKS, Situation};
 use crate::sensors::{DriveReading, LvdtReading};
 use rig_link::messages::Fault;
 
-/// A load that falls by so much (m) since the last good reading, after it has fallen farther than any motor moves it
-/// ([`JUMP_M`]) in more ticks than a sensor that shifts steps in ([`STEP_TICKS`]), has dropped.
-const DROP_M: f32 = 5e-3;
 /// Rms noise (codes) of a block in which a load falls at up to 2 m/s; one in which a wire breaks has far more.
 const FALLING_NOISE: f32 = 60.0;
 
@@ -36,14 +33,15 @@ impl GapChecks {
         [broken.then_some(Fault::StringBreak), jumped.then_some(Fault::LvdtJump), self.missing(situation, started)]
     }
 
-    /// The load has dropped: a string is broken.
+    /// The load has dropped, so a string is broken: it has fallen farther than any motor moves it ([`JUMP_M`]) in more ticks than a
+    /// sensor that shifts steps in ([`STEP_TICKS`]), and five times as far since the last good reading.
     fn dropped(&mut self, situation: &Situation<'_>) -> bool {
         let Some(block) = situation.inputs.lvdt else { return false };
         let lvdt = situation.readings.lvdt;
         let gap_m = situation.constants.lvdt_gap_m(block.mean_code);
         let falls = self.last_block_m.replace(gap_m).is_some_and(|last| gap_m - last > JUMP_M);
-        let dropped = lasts(&mut self.drop_ticks, falls, STEP_TICKS as u16 + 1)
-            && self.last_gap_m.is_some_and(|last| gap_m - last > DROP_M);
+        let long = lasts(&mut self.drop_ticks, falls, STEP_TICKS as u16 + 1);
+        let dropped = long && self.last_gap_m.is_some_and(|last| gap_m - last > 5.0 * JUMP_M);
         self.last_gap_m = lvdt.gap_m().or(self.last_gap_m);
         // A falling load blurs its block; a broken wire blurs it far more.
         let real = !matches!(lvdt, LvdtReading::Invalid(Fault::LvdtOpen | Fault::LvdtShort));
