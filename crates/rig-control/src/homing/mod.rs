@@ -467,6 +467,38 @@ mod tests {
         (0..4000).map(|k| 0.01 * k as f32).find(|rad| rises.step(*rad, gap_m(*rad)))
     }
 
+    /// What a search that has turned so far (rad) does at gaps (m) one after the other, counted from where it began.
+    fn seeks(turned_rad: f32, gaps_m: &[f32]) -> Result<Phase, HomingFailure> {
+        let mut homing = Homing::new(0.0, 0.1, 1.0, LoadChoice::Auto, 0.0);
+        let limits = TwistLimits { speed: SPEED, acceleration: ACCELERATION };
+        let (goal_rad, low_m, top_m) = (SEEK_TRAVEL, Some(0.1), 0.1);
+        let mut phase =
+            Phase::Seek(Seek { start_rad: 0.0, goal_rad, low_m, top_m, top_rad: 0.0, rises: Rises::default() });
+        for gap_m in gaps_m {
+            let Phase::Seek(seek) = phase else { panic!("it has ended before") };
+            homing.smooth_gap_m = 0.1 + gap_m;
+            phase = homing.seek(seek, turned_rad, &limits)?;
+        }
+        Ok(phase)
+    }
+
+    #[test]
+    fn the_search_ends_past_a_maximum_and_gives_up_the_wrong_way_and_at_the_end_of_its_travel() {
+        // Up by more than what counts as travel, and then down by it.
+        assert!(matches!(seeks(1.0, &[0.31e-3, 2e-3, 1.71e-3]), Ok(Phase::Seek(_))));
+        assert!(matches!(seeks(1.0, &[0.31e-3, 2e-3, 1.69e-3]), Ok(Phase::CentreRest { .. })));
+        // A fall counts only after a rise, until it is so long that this is not the way.
+        assert!(matches!(seeks(1.0, &[0.29e-3, -2e-3]), Ok(Phase::Seek(_))));
+        assert_eq!(seeks(1.0, &[-2e-3, -2.99e-3]).err(), None);
+        assert_eq!(seeks(1.0, &[-2e-3, -3.01e-3]).err(), Some(HomingFailure::NoPretwist));
+        // A load that does not rise.
+        assert_eq!(seeks(0.99 * PROBE_TRAVEL, &[0.0]).err(), None);
+        assert_eq!(seeks(1.01 * PROBE_TRAVEL, &[0.0]).err(), Some(HomingFailure::NoPretwist));
+        // One that rises all the way.
+        assert_eq!(seeks(0.97 * SEEK_TRAVEL, &[1e-3]).err(), None);
+        assert_eq!(seeks(0.99 * SEEK_TRAVEL, &[1e-3]).err(), Some(HomingFailure::TravelEnd));
+    }
+
     #[test]
     fn a_gap_that_rises_ever_faster_is_a_reversed_sensors() {
         // Near zero twist the gap is a parabola: strings that untwist from 40 rad, and a reversed sensor from 3 rad on.
