@@ -81,6 +81,11 @@ struct Found {
     wrong: Vec<String>,
 }
 
+/// Whether a load may seem to be [`BEHIND_M`] from its set-point where it truly is, all in m, by the stated error of its position.
+fn may_seem_behind(is_m: f64, set_point_m: f64, stated_m: f64) -> bool {
+    (is_m - set_point_m).abs() > BEHIND_M - stated_m
+}
+
 /// The cause of a fault that has none.
 const NO_CAUSE: &str = "no cause";
 
@@ -138,10 +143,8 @@ impl Scenario {
             }
         }
         self.found.seconds = now_s;
-        let stated_m = telemetry.position_error_m.map_or(0.0, f64::from);
-        let behind =
-            |set_point_m: f32| (self.bench.true_position_m() - f64::from(set_point_m)).abs() > BEHIND_M - stated_m;
-        if telemetry.setpoint_m.is_some_and(behind) {
+        let (is_m, stated_m) = (self.bench.true_position_m(), telemetry.position_error_m.map_or(0.0, f64::from));
+        if telemetry.setpoint_m.is_some_and(|set_point_m| may_seem_behind(is_m, f64::from(set_point_m), stated_m)) {
             self.behind_s = now_s;
         }
         self.load_error_n = telemetry.load_error_n.map_or(self.load_error_n, f64::from);
@@ -380,6 +383,16 @@ mod tests {
         scenario.hang(1.5, false);
         scenario.run(2.0);
         assert_eq!(scenario.changed_at_m, None, "a kilogram moves it");
+    }
+
+    #[test]
+    fn a_load_may_seem_behind_by_the_error_of_its_position() {
+        for (is_m, stated_m, seems) in
+            [(5.9e-3, 0.0, false), (6.1e-3, 0.0, true), (5.9e-3, 0.2e-3, true), (5.7e-3, 0.2e-3, false)]
+        {
+            assert_eq!(may_seem_behind(is_m, 4e-3, stated_m), seems, "{is_m} {stated_m}");
+            assert_eq!(may_seem_behind(-is_m, -4e-3, stated_m), seems, "{is_m} {stated_m}");
+        }
     }
 
     #[test]

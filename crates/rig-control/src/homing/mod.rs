@@ -431,7 +431,8 @@ impl Homing {
         let mechanism = Mechanism { table: *table, twist_scale: w.twist_scale, curve: w.curve };
         let there = mechanism.at(w.apparent_n - w.friction_n, PI);
         let shifted_m = (reference_gap_m - there.gap_m).abs();
-        // Friction aside, swinging and creep make less than twice what counts as travel, and a string that slips in its clamp makes more.
+        // Friction aside, swinging and creep make less than twice what counts as travel, and a string that slips in its clamp
+        // makes more.
         if shifted_m > 2.0 * (TRAVEL_M + w.friction_n * there.dgap_dload_m_per_n) {
             return Err(HomingFailure::Shifted);
         }

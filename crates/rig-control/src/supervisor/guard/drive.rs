@@ -4,7 +4,7 @@ use super::super::{Inputs, lasts};
 use super::timing::LATE_US;
 use super::{BRIEF_TICKS, Situation};
 use crate::sensors::{DriveReading, OLD_US};
-use crate::{RigConstants, seconds, whole_counts};
+use crate::{RigConstants, TICK_S, seconds, whole_counts};
 use core::f32::consts::TAU;
 use rig_link::messages::{Fault, Faults};
 
@@ -84,15 +84,15 @@ impl DriveChecks {
             (inputs.encoder_counts - offset - drive_counts).abs() <= allowed_counts(counts_per_s)
         });
         let last_qc = self.last_drive_qc.replace(position_qc);
-        let max_counts = JUMP_FACTOR * constants.twist_speed_max() * constants.counts_per_rad.abs() * tick_s;
-        let max_counts = whole_counts(max_counts) + DISAGREE_COUNTS;
-        if started && !agree && was_reset(last_qc, position_qc, max_counts) {
+        let max_counts_per_s = JUMP_FACTOR * constants.twist_speed_max() * constants.counts_per_rad.abs();
+        let max_counts = |seconds: f32| whole_counts(max_counts_per_s * seconds) + DISAGREE_COUNTS;
+        if started && !agree && was_reset(last_qc, position_qc, max_counts(TICK_S)) {
             found.insert(Fault::DriveReset);
             return found;
         }
         let encoder = if !closed_loop {
             None
-        } else if moved_counts.abs() > max_counts {
+        } else if moved_counts.abs() > max_counts(tick_s) {
             Some(Fault::EncoderJump)
         } else {
             offset.and_then(|offset| self.disagreement([inputs.encoder_counts, drive_counts], offset, counts_per_s))
