@@ -15,6 +15,7 @@
 mod centre;
 pub mod load_estimate;
 mod quiet;
+mod rises;
 mod stick_slip;
 mod sweeps;
 
@@ -29,6 +30,7 @@ use core::f32::consts::{PI, TAU};
 use load_estimate::{LoadEstimate, MIN_GAP_ERROR_M};
 use quiet::Quiet;
 use rig_link::messages::{HomingFailure, HomingResult, LoadChoice};
+use rises::Rises;
 use stick_slip::StickSlip;
 use tsa_table::Table;
 
@@ -46,12 +48,6 @@ pub const SPEED: f32 = 6.5;
 /// A shaft that is this far (rad) behind its set-point stands against fully closed strings: more than any drive lags at this
 /// speed, and little enough to turn back before the drive takes it for a stall and drops the load.
 const PROBE_BEHIND: f32 = 0.5;
-/// Turn (rad) over which the rise of the gap is measured, how often in a row it must have grown, and by how much in all, to show
-/// a reversed LVDT. Estimated for the default rig, not measured: it grows by 12 % and more from window to window, and friction
-/// makes up to 8 % of it.
-const RISE_WINDOW_RAD: f32 = 4.0;
-const RISE_WINDOWS: u8 = 3;
-const RISE_GROWTH: f32 = 1.3;
 /// Farthest from the power-up twist that the maximum is looked for (rad): 12 turns, and what the probe went astray.
 const SEEK_TRAVEL: f32 = 12.0 * TAU + PROBE_TRAVEL;
 /// Half the width of the sweeps across the maximum (rad).
@@ -126,39 +122,6 @@ struct Seek {
     top_m: f32,
     top_rad: f32,
     rises: Rises,
-}
-
-/// How the gap rises towards its supposed maximum. It rises ever more slowly, because it is concave in the twist
-/// (docs/explanation/model.md 2); with a reversed LVDT the strings are twisted further instead of untwisted, and it
-/// seems to rise ever faster.
-#[derive(Clone, Copy, Debug, Default)]
-struct Rises {
-    /// Shaft angle (rad) and gap (m) where the present window began.
-    from: Option<[f32; 2]>,
-    /// Rise in the last window, and in the first of those that have grown since (m).
-    last_m: f32,
-    first_m: f32,
-    /// How many windows in a row have risen more than the one before.
-    growing: u8,
-}
-
-impl Rises {
-    /// One tick of a gap that rises; whether it rises ever faster.
-    fn step(&mut self, shaft_rad: f32, gap_m: f32) -> bool {
-        let [from_rad, from_m] = *self.from.get_or_insert([shaft_rad, gap_m]);
-        if (shaft_rad - from_rad).abs() < RISE_WINDOW_RAD {
-            return false;
-        }
-        let rise_m = gap_m - from_m;
-        self.from = Some([shaft_rad, gap_m]);
-        if self.last_m > 0.0 && rise_m > self.last_m {
-            self.growing += 1;
-        } else {
-            (self.growing, self.first_m) = (0, rise_m);
-        }
-        self.last_m = rise_m;
-        self.growing >= RISE_WINDOWS && rise_m > RISE_GROWTH * self.first_m
-    }
 }
 
 /// Gaps of a load at rest, from the first one.
@@ -461,12 +424,6 @@ impl Homing {
 mod tests {
     use super::*;
 
-    /// Turns (rad) after which the gap is taken for that of a reversed LVDT, if it is within 40 rad.
-    fn reversed_after(gap_m: fn(f32) -> f32) -> Option<f32> {
-        let mut rises = Rises::default();
-        (0..4000).map(|k| 0.01 * k as f32).find(|rad| rises.step(*rad, gap_m(*rad)))
-    }
-
     /// What a search that has turned so far (rad) does at gaps (m) one after the other, counted from where it began.
     fn seeks(turned_rad: f32, gaps_m: &[f32]) -> Result<Phase, HomingFailure> {
         let mut homing = Homing::new(0.0, 0.1, 1.0, LoadChoice::Auto, 0.0);
@@ -497,15 +454,5 @@ mod tests {
         // One that rises all the way.
         assert_eq!(seeks(0.97 * SEEK_TRAVEL, &[1e-3]).err(), None);
         assert_eq!(seeks(0.99 * SEEK_TRAVEL, &[1e-3]).err(), Some(HomingFailure::TravelEnd));
-    }
-
-    #[test]
-    fn a_gap_that_rises_ever_faster_is_a_reversed_sensors() {
-        // Near zero twist the gap is a parabola: strings that untwist from 40 rad, and a reversed sensor from 3 rad on.
-        assert_eq!(reversed_after(|rad| -6e-6 * (40.0 - rad) * (40.0 - rad)), None);
-        let after = reversed_after(|rad| 6e-6 * (3.0 + rad) * (3.0 + rad)).expect("it rises ever faster");
-        assert!((15.9..16.2).contains(&after), "four windows of 4 rad: {after}");
-        // A first stretch in which friction holds the load back is followed by even ones.
-        assert_eq!(reversed_after(|rad| 3e-4 * (rad - 3.0).max(0.0)), None);
     }
 }

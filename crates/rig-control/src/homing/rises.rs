@@ -1,0 +1,62 @@
+//! Whether the gap rises towards its maximum as strings that untwist make it, or ever faster as a reversed LVDT shows it.
+
+/// Turn (rad) over which the rise of the gap is measured, how often in a row it must have grown, and by how much in all, to show
+/// a reversed LVDT. Estimated for the default rig, not measured: it grows by 12 % and more from window to window, and friction
+/// makes up to 8 % of it.
+const RISE_WINDOW_RAD: f32 = 4.0;
+const RISE_WINDOWS: u8 = 3;
+const RISE_GROWTH: f32 = 1.3;
+
+/// How the gap rises towards its supposed maximum. It rises ever more slowly, because it is concave in the twist
+/// (docs/explanation/model.md 2); with a reversed LVDT the strings are twisted further instead of untwisted, and it
+/// seems to rise ever faster.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Rises {
+    /// Shaft angle (rad) and gap (m) where the present window began.
+    from: Option<[f32; 2]>,
+    /// Rise in the last window, and in the first of those that have grown since (m).
+    last_m: f32,
+    first_m: f32,
+    /// How many windows in a row have risen more than the one before.
+    growing: u8,
+}
+
+impl Rises {
+    /// One tick of a gap that rises; whether it rises ever faster.
+    pub(super) fn step(&mut self, shaft_rad: f32, gap_m: f32) -> bool {
+        let [from_rad, from_m] = *self.from.get_or_insert([shaft_rad, gap_m]);
+        if (shaft_rad - from_rad).abs() < RISE_WINDOW_RAD {
+            return false;
+        }
+        let rise_m = gap_m - from_m;
+        self.from = Some([shaft_rad, gap_m]);
+        if self.last_m > 0.0 && rise_m > self.last_m {
+            self.growing += 1;
+        } else {
+            (self.growing, self.first_m) = (0, rise_m);
+        }
+        self.last_m = rise_m;
+        self.growing >= RISE_WINDOWS && rise_m > RISE_GROWTH * self.first_m
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Turns (rad) after which the gap is taken for that of a reversed LVDT, if it is within 40 rad.
+    fn reversed_after(gap_m: fn(f32) -> f32) -> Option<f32> {
+        let mut rises = Rises::default();
+        (0..4000).map(|k| 0.01 * k as f32).find(|rad| rises.step(*rad, gap_m(*rad)))
+    }
+
+    #[test]
+    fn a_gap_that_rises_ever_faster_is_a_reversed_sensors() {
+        // Near zero twist the gap is a parabola: strings that untwist from 40 rad, and a reversed sensor from 3 rad on.
+        assert_eq!(reversed_after(|rad| -6e-6 * (40.0 - rad) * (40.0 - rad)), None);
+        let after = reversed_after(|rad| 6e-6 * (3.0 + rad) * (3.0 + rad)).expect("it rises ever faster");
+        assert!((15.9..16.2).contains(&after), "four windows of 4 rad: {after}");
+        // A first stretch in which friction holds the load back is followed by even ones.
+        assert_eq!(reversed_after(|rad| 3e-4 * (rad - 3.0).max(0.0)), None);
+    }
+}
