@@ -12,6 +12,8 @@ use tsa_model::{Material, Mechanism, Parameters};
 
 /// The strings cannot push: the load never loses more than this fraction of the force that the law gives.
 const MAX_LOST: f64 = 0.9;
+/// Loads that differ by less than this fraction are the same.
+const SAME_LOAD: f64 = 1e-13;
 /// Cells of the table along ln F and along the twist.
 const CELLS: usize = 24;
 /// Fraction of the last twist up to which the table reaches: nearer to it the slopes grow without a bound.
@@ -132,18 +134,27 @@ impl Rods {
     /// What their law carries at a twist (rad) when they carry a weight (N) in all, if they went there from where they
     /// are; N.
     pub fn law_under(&self, weight_n: f64, twist_rad: f64, temperature_k: f64) -> f64 {
-        let (mut low, mut high) = (0.0, weight_n / (1.0 - MAX_LOST));
-        for _ in 0..50 {
-            let middle = 0.5 * (low + high);
+        let excess_n = |law_n: f64| {
             let mut memory = self.memory;
-            let there = force(&self.table.at(middle, twist_rad), &mut memory, middle, temperature_k);
-            if middle + there < weight_n {
-                low = middle;
-            } else {
-                high = middle;
+            law_n + force(&self.table.at(law_n, twist_rad), &mut memory, law_n, temperature_k) - weight_n
+        };
+        // False position; the end that stays counts half (Illinois), so that both come nearer.
+        let (mut fixed, mut last) = (0.0, weight_n / (1.0 - MAX_LOST));
+        let (mut fixed_n, mut last_n) = (-weight_n, excess_n(last));
+        for _ in 0..50 {
+            if last_n.abs() <= SAME_LOAD * weight_n {
+                break;
             }
+            let next = last - last_n * (last - fixed) / (last_n - fixed_n);
+            let next_n = excess_n(next);
+            if next_n * last_n > 0.0 {
+                fixed_n *= 0.5;
+            } else {
+                (fixed, fixed_n) = (last, last_n);
+            }
+            (last, last_n) = (next, next_n);
         }
-        0.5 * (low + high)
+        last
     }
 }
 
