@@ -147,9 +147,15 @@ impl Effects<'_> {
 
     /// Standard errors of what homing takes from elsewhere.
     pub fn priors(&self) -> Priors {
+        let (known, constants) = (&self.scene.uncertainty, self.scene.constants());
+        let zero_m = known.gap_zero_m.hypot(constants.lvdt_reading_error_m().into());
+        Priors { radius: known.radius, zero_m, slope: constants.lvdt_slope_error().into() }
+    }
+
+    /// Standard error of a prior by `[uncertainty]` alone: what the LVDT adds to its zero is an effect of its own.
+    pub fn known(&self, prior: usize) -> f64 {
         let known = &self.scene.uncertainty;
-        let slope = f64::from(self.scene.constants().lvdt_slope_error());
-        Priors { radius: known.radius, zero_m: known.gap_zero_m, slope }
+        if prior == 2 { known.gap_zero_m } else { known.radius }
     }
 
     /// Every error that is no change of the gap.

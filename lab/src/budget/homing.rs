@@ -18,7 +18,7 @@ use tsa_model::PRETWIST_RAD;
 pub(super) struct Priors {
     /// Of the string radius, relative.
     pub radius: f64,
-    /// Of the LVDT's zero (m).
+    /// Of the LVDT's zero and its reading there (m).
     pub zero_m: f64,
     /// Of the LVDT's slope.
     pub slope: f64,
@@ -77,9 +77,9 @@ impl Homing {
         };
         let jacobian: Vec<Vector> = states.iter().map(by).collect();
         let place = |twist_rad: f64| (2.0 * (twist_rad - from) / (to - from) - 1.0).clamp(-1.0, 1.0);
-        let error_m =
-            residual_m.clamp(f64::from(load_estimate::MIN_GAP_ERROR_M), f64::from(load_estimate::LAW_GAP_ERROR_M));
-        let weight = TERMS as f64 / ((last - first + 1) as f64 * error_m * error_m);
+        let error_m = residual_m.max(f64::from(load_estimate::MIN_GAP_ERROR_M));
+        let bins = load_estimate::BINS - 2 * load_estimate::END_BINS;
+        let weight = bins as f64 / ((last - first + 1) as f64 * error_m * error_m);
         let known = priors.sigmas().map(|sigma| 1.0 / (sigma * sigma));
         let seen: Matrix = jacobian[first..=last].iter().map(|j| j * j.transpose() * weight).sum();
         Self {
@@ -99,15 +99,15 @@ impl Homing {
         self.taken(change_m, Vector::zeros())
     }
 
-    /// The prior of an unknown that is wrong by its standard error.
-    pub fn prior(&self, which: usize) -> Taken {
+    /// The prior of an unknown that is wrong by so much.
+    pub fn prior(&self, which: usize, error: f64) -> Taken {
         let sigma = self.priors.sigmas()[which];
         let mut right = Vector::zeros();
-        right[which] = 1.0 / sigma;
+        right[which] = error / (sigma * sigma);
         self.taken(&vec![0.0; self.place.len()], right)
     }
 
-    /// Relative error of the load for gaps that are wrong by 1 m rms, in as many independent stretches as the fit counts on.
+    /// Relative error of the load for gaps that are wrong by 1 m rms, in as many independent stretches as a cubic has terms.
     pub fn load_of_stretches(&self) -> f64 {
         let (first, states) = (*self.weighed.start(), self.weighed.clone().count());
         let mut squares = 0.0;
@@ -193,7 +193,7 @@ mod tests {
     #[test]
     fn a_wrong_prior_is_a_thicker_string() {
         let (column, homing) = homing();
-        let by_prior = homing.prior(1).0;
+        let by_prior = homing.prior(1, 0.03).0;
         let by_gap = homing.gap(&column.each(|s| -0.03 * s.by_twist * s.twist_rad)).0;
         // The fit that takes the strings for thicker by all of it would need no other load at all.
         assert!((by_prior - by_gap).abs() < 1e-9 * by_prior.abs() + 1e-12, "{by_prior} {by_gap}");

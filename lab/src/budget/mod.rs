@@ -221,7 +221,7 @@ impl Under {
         effects.direct().iter().for_each(|direct| under.add(direct));
         // The constants' own uncertainty: scale and growth of the radius, and zero.
         for prior in [1, 2, 4] {
-            let taken = under.homing.prior(prior);
+            let taken = under.homing.prior(prior, effects.known(prior));
             under.add_taken(Part::Law, &taken, &vec![0.0; under.column.0.len()], None);
         }
         // How the radius depends on the load, which the scale of the twist cannot take up.

@@ -28,8 +28,7 @@ pub const STEPS: u8 = 10;
 /// Minimum error of a bin's gap and minimum noise of the gap in one tick (m): a tenth of the converter's code, which averaging
 /// over a moving load resolves.
 pub const MIN_GAP_ERROR_M: f32 = 0.1 * LVDT_COUNT_M;
-/// Maximum error of a bin's gap (m) that the fit takes for the law's own: the radius laws of docs/explanation/model.md
-/// 6 differ by less.
+/// Maximum gap (m) that the fit of a law leaves: the radius laws of docs/explanation/model.md 6 differ by less.
 pub const LAW_GAP_ERROR_M: f32 = 0.2e-3;
 /// Maximum sum of squares of what the fit finds, each as a multiple of its standard error by the scene. Beyond it, rig and
 /// scene contradict each other, and the load is unknown: of 300 nominal and hard rigs, one is beyond it.
@@ -105,8 +104,9 @@ pub(super) struct LoadEstimate {
     given: LoadChoice,
     /// Heaviest load that the rods remember (N).
     heaviest_n: f32,
-    /// Mean gap of the sweep (m), and the standard error of the LVDT's slope.
+    /// Mean gap of the sweep (m), and the standard errors of the LVDT's zero (m) and slope.
     middle_m: f32,
+    zero_error_m: f32,
     slope_error: f32,
     /// Scale of the twist that is expected: the table's, or that of these strings before.
     expected_scale: f32,
@@ -121,6 +121,7 @@ impl LoadEstimate {
             sweeps: Sweeps::NEW,
             unknowns: Unknowns { load_n: 0.0, twist_scale: expected_scale, offset_m: 0.0, slope: 0.0, growth: 0.0 },
             middle_m: 0.0,
+            zero_error_m: 0.0,
             slope_error: 0.0,
             friction_n: 0.0,
             given,
@@ -141,6 +142,7 @@ impl LoadEstimate {
     /// Begins in the (geometric) middle of the table's range.
     pub(super) fn begin_fit(&mut self, table: &Table<'_>, rig: &RigConstants) {
         let m = &table.metadata;
+        self.zero_error_m = libm::hypotf(m.uncertainty.gap_zero_m, rig.lvdt_reading_error_m());
         self.slope_error = rig.lvdt_slope_error();
         let (sum_m, count) = self.pairs().fold((0.0, 0.0f32), |(sum_m, count), pair| (sum_m + pair.gap_m, count + 1.0));
         self.middle_m = sum_m / count.max(1.0);
@@ -232,9 +234,8 @@ impl LoadEstimate {
         }
         let scale_by_growth = matrix[4][1] / matrix[1][1].max(f32::MIN_POSITIVE);
         let residual_mm = libm::sqrtf(squares / n);
-        let gap_error_mm = residual_mm.clamp(MM * MIN_GAP_ERROR_M, MM * LAW_GAP_ERROR_M);
-        // Neighbouring bins miss alike: as many count as independent as the curve that is left has terms.
-        let weight = TERMS as f32 / (n * gap_error_mm * gap_error_mm);
+        let gap_error_mm = residual_mm.max(MM * MIN_GAP_ERROR_M);
+        let weight = 1.0 / (gap_error_mm * gap_error_mm);
         right.iter_mut().chain(matrix.iter_mut().flatten()).for_each(|x| *x *= weight);
         let mut add = |unknown: usize, by: f32, missing: f32, sigma: f32| {
             let information = by / (sigma * sigma);
@@ -242,7 +243,7 @@ impl LoadEstimate {
             right[unknown] += information * missing;
         };
         add(1, 1.0, (self.expected_scale - twist_scale) / twist_scale, uncertainty.radius);
-        add(2, 1.0, -MM * offset_m, MM * uncertainty.gap_zero_m);
+        add(2, 1.0, -MM * offset_m, MM * self.zero_error_m);
         add(3, 1.0, -slope, self.slope_error);
         add(4, 1.0, -growth, uncertainty.radius);
         if let LoadChoice::Known(given_n) = self.given {
@@ -281,17 +282,15 @@ impl LoadEstimate {
         if residual_m > 10.0 * LAW_GAP_ERROR_M {
             return Err(HomingFailure::PoorFit);
         }
-        // Where radius, zero and the residual are farther from what the scene says than its uncertainty allows, the scene is
-        // as much less certain, and so is everything that the fit took from it.
+        // How far radius, LVDT and residual are from what the scene says.
         let surprise = [
             (twist_scale - self.expected_scale) / (uncertainty.radius * self.expected_scale),
-            offset_m / uncertainty.gap_zero_m,
+            offset_m / self.zero_error_m,
             slope / self.slope_error,
             growth / uncertainty.radius,
             residual_m / LAW_GAP_ERROR_M,
         ];
         let surprise = surprise.iter().map(|x| x * x).sum::<f32>();
-        let inflation = (0.5 * surprise).max(1.0);
         // The scale takes up an error of the radius, but neither an error of how the radius depends on the load nor what the
         // rods remember; under a given load it takes up both.
         let [heaviest_n, shape] = match self.given {
@@ -303,7 +302,7 @@ impl LoadEstimate {
         let load_n = memory.load_n(apparent_n);
         let by_memory = MEMORY_ERROR * memory.excess(load_n);
         let variance = shape * shape + by_memory * by_memory;
-        let load_sigma_n = load_n * libm::sqrtf(inflation * covariance[0][0] + variance);
+        let load_sigma_n = load_n * libm::sqrtf(covariance[0][0] + variance);
         // Surely outside, whatever the error is.
         let margin_n = super::NINETY_PERCENT * load_sigma_n;
         if wanted_n + margin_n < 0.9 * m.load_min_n || wanted_n - margin_n > 1.1 * m.load_max_n {
@@ -332,7 +331,7 @@ impl LoadEstimate {
             twist_scale,
             friction_n: self.friction_n,
             curve: curve(&rest, offset_m).ok_or(HomingFailure::PoorFit)?,
-            covariance: [scale_variance, 1e-3 * both, 1e-6 * covariance[2][2]].map(|c| inflation * c),
+            covariance: [scale_variance, 1e-3 * both, 1e-6 * covariance[2][2]],
         })
     }
 }
