@@ -199,7 +199,7 @@ fn table(all: &[Tried]) -> Study {
              and 90th percentile of the true error. Light is below 0.3 kg, heavy from 0.9 kg. \"Homed load\" is after homing and \
              after a move; \"another load\" is 5 s after it was hung on, and after two moves. Half of the rigs have worked under \
              another load before. The zero of each LVDT is off by as much as the scene's [uncertainty] says: {} mm (rms), as it is \
-             measured with callipers. That is more than rigs of the presets have.",
+             measured with callipers; the presets have no such error.",
             1e3 * crate::scene().uncertainty.gap_zero_m
         ),
         format!(

@@ -137,9 +137,10 @@ impl RigConstants {
     }
 
     /// Standard error of the LVDT's reading (m) beside that of its zero. Without points of a calibration it is that of a sine of any
-    /// phase, whose amplitude is the data sheet's non-linearity.
+    /// phase, whose amplitude is as likely anywhere up to the data sheet's non-linearity: √(1/2 · 1/3) of that.
     pub fn lvdt_reading_error_m(&self) -> f32 {
-        self.lvdt_curve.map_or(self.lvdt_linearity_m / SQRT_2, |curve| curve.error_m() / crate::homing::NINETY_PERCENT)
+        let sheet_m = self.lvdt_linearity_m / libm::sqrtf(6.0);
+        self.lvdt_curve.map_or(sheet_m, |curve| curve.error_m() / crate::homing::NINETY_PERCENT)
     }
 
     /// Standard error of the LVDT's slope between two gaps of a sweep.
@@ -214,9 +215,9 @@ pub(crate) mod tests {
         for code in [500.0, 800.0, 1000.0, 2000.0] {
             assert!((calibrated.lvdt_mean_code(calibrated.lvdt_gap_m(code)) - code).abs() < 2e-3, "{code}");
         }
-        // A sine of any phase, and points with an error of 20 um, 90 %.
+        // A sine of any phase and an amplitude of up to 0.5 mm, and points with an error of 20 um, 90 %.
         let [sheet_m, points_m] = [RIG, calibrated].map(|rig| rig.lvdt_reading_error_m());
-        assert!((sheet_m - 0.5e-3 / SQRT_2).abs() < 1e-9 && (points_m - 2e-5 / 1.645).abs() < 1e-9);
+        assert!((sheet_m - 0.204e-3).abs() < 2e-7 && (points_m - 2e-5 / 1.645).abs() < 1e-9);
         let [sheet, points] = [RIG, calibrated].map(|rig| rig.lvdt_change_error());
         // A sine of 0.5 mm over 200 mm has 0.0157 of slope error.
         assert!((sheet.of(-0.01) - 0.77 * 0.0157e-2).abs() < 1e-7, "{}", sheet.of(-0.01));

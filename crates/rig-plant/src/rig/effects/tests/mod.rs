@@ -112,6 +112,20 @@ fn rods_remember_a_heavy_load_and_a_sweep_of_the_twist_does_not_show_it() {
     }
 }
 
+/// At rest the gap at which a load would hang is the one at which it hangs.
+#[test]
+fn a_load_hangs_where_rods_that_remember_say_that_it_does() {
+    for kelvin in ["-10", "10"] {
+        let mut hung = Hung::new(&[("rod_hysteresis", "60MPa"), ("load", "0.5N"), ("temperature", kelvin)]);
+        for load_n in [15.0, 5.0, 12.0, 0.5] {
+            hung.load_to(load_n, 3.0);
+            hung.turn_to(3.2, 5.0);
+            let (gap_m, told_m) = (hung.plant.gap_m, hung.plant.gap_at(3.2));
+            assert!((gap_m - told_m).abs() < 2e-6, "{load_n} N: {gap_m} and {told_m} m");
+        }
+    }
+}
+
 #[test]
 fn warm_rods_are_stiffer_under_a_heavy_load_only() {
     let gap = |load: &str, kelvin: &str| {
