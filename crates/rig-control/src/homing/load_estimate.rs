@@ -28,7 +28,7 @@ pub const STEPS: u8 = 10;
 /// Minimum error of a bin's gap and minimum noise of the gap in one tick (m): a tenth of the converter's code, which averaging
 /// over a moving load resolves.
 pub const MIN_GAP_ERROR_M: f32 = 0.1 * LVDT_COUNT_M;
-/// Maximum gap (m) that the fit of a law leaves: the radius laws of docs/explanation/model.md 6 differ by less.
+/// Residual (m, rms) that a rig of the scene's kind may leave: the radius laws of docs/explanation/model.md 6 differ by less.
 pub const LAW_GAP_ERROR_M: f32 = 0.2e-3;
 /// Maximum sum of squares of what the fit finds, each as a multiple of its standard error by the scene. Beyond it, rig and
 /// scene contradict each other, and the load is unknown: of 300 nominal and hard rigs, one is beyond it.

@@ -176,7 +176,7 @@ fn the_fit_ends_at_the_minimum_and_states_the_inverse_of_its_curvature() {
         let at = [libm::logf(load_n), libm::logf(twist_scale), 1e3 * offset_m, slope, growth];
         let left = residuals(&load_estimate, at);
         let residual_mm = (left.iter().map(|r| r * r).sum::<f64>() / left.len() as f64).sqrt();
-        assert!(residual_mm > 5e-3, "the least error of a bin is not met: {residual_mm}");
+        assert!(residual_mm > 5e-3, "above the minimum error of a bin: {residual_mm}");
         let weight = 1.0 / (residual_mm * residual_mm);
         // Derivatives of the residuals by differences.
         const STEP: f32 = 4e-3;

@@ -112,7 +112,7 @@ fn rods_remember_a_heavy_load_and_a_sweep_of_the_twist_does_not_show_it() {
     }
 }
 
-/// At rest the gap at which a load would hang is the one at which it hangs.
+/// At rest, the predicted gap of the present load is its gap.
 #[test]
 fn a_load_hangs_where_rods_that_remember_say_that_it_does() {
     for kelvin in ["-10", "10"] {
