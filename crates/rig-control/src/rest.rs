@@ -2,8 +2,8 @@
 //!
 //! A load that breaks loose from stiction jumps by J = 2 (Fs − Fc)/k, and J cannot be made smaller by waiting. An error below
 //! half of a jump is therefore left alone: after another jump it would be no smaller. J is known from homing where the load
-//! stuck and slipped there, and is seen at rest: what it moves from one stand to another, past its target, without its strings having
-//! turned for it, is a jump.
+//! stuck and slipped there, and is seen at rest: what takes a load that stood from one side of its target to the other is a jump. The
+//! strings' turn is not subtracted from it, because they also turn to break the load loose.
 
 use crate::homing::NINETY_PERCENT;
 use crate::load_state::LoadState;
@@ -12,8 +12,6 @@ use crate::observer::SETTLED_TICKS;
 /// Ticks in which a load has not left its place, after which it stands. Its speed is not asked: the observer expects a load
 /// that sticks to go along with its strings.
 const STILL_TICKS: u16 = 8;
-/// Ways past the target after which a load is taken to go back and forth.
-const WAYS_PAST: u8 = 4;
 
 /// What a load at its target does.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -35,12 +33,10 @@ pub struct Rest {
     ticks: u16,
     stands: bool,
     left_alone: bool,
-    /// Error (m) where it last stood, and the twist (rad) until then.
-    stood: Option<[f32; 2]>,
-    /// How far it jumps (m), as seen at rest.
+    /// Error (m) where it last stood at this target.
+    stood_m: Option<f32>,
+    /// How far it jumps (m), as seen at this target.
     jump_m: Option<f32>,
-    /// Ways past the target since it was given or the load was left alone.
-    ways_past: u8,
 }
 
 impl Rest {
@@ -65,7 +61,7 @@ impl Rest {
             // Stiction of one and a half times the friction makes a jump of friction over stiffness: what is farther has another cause.
             let longest_jump_m = load.observation.friction_n * load.observation.point.dgap_dload_m_per_n;
             if !done || error_m.abs() > longest_jump_m {
-                (self.stood, self.ways_past) = (None, 0);
+                (self.stood_m, self.jump_m) = (None, None);
             }
             (self.ticks, self.stands, self.left_alone) = (0, false, false);
             return Standing::Moves;
@@ -77,39 +73,14 @@ impl Rest {
         if !self.stands {
             return Standing::Moves;
         }
-        if !stood {
-            self.see_way(load);
+        if !stood
+            && let Some(before_m) = self.stood_m
+            && before_m * self.error_m < 0.0
+        {
+            self.jump_m = Some((before_m - self.error_m).abs());
         }
-        self.stood = Some([self.error_m, load.twist_rad]);
+        self.stood_m = Some(self.error_m);
         self.left_alone = self.error_m.abs() < near_m;
-        if self.left_alone {
-            self.ways_past = 0;
-            Standing::LeftAlone
-        } else {
-            Standing::Beside(self.error_m)
-        }
-    }
-
-    /// The load stands again. A load without stiction swings at most twice as far as its strings have turned; what it has risen
-    /// more than that, it has jumped, if that took it past the target. Short of the target, its jumps are no longer than this way.
-    /// After some ways past the target the whole way counts as a jump, whatever made it so long, or the load would go back and
-    /// forth for ever.
-    fn see_way(&mut self, load: &LoadState<'_>) {
-        let Some([before_m, before_rad]) = self.stood else { return };
-        let rise_m = before_m - self.error_m;
-        let turned_m = (load.twist_rad - before_rad) / load.observation.point.tr_rad_per_m();
-        let jump_m = ((rise_m - 2.0 * turned_m) * libm::copysignf(1.0, rise_m)).clamp(0.0, rise_m.abs());
-        if rise_m.abs() < load.moved_m() {
-            return;
-        }
-        let past = self.error_m * before_m < 0.0;
-        self.ways_past = self.ways_past.saturating_add(past.into());
-        self.jump_m = if past && self.ways_past >= WAYS_PAST {
-            Some(rise_m.abs())
-        } else if past {
-            Some(jump_m)
-        } else {
-            self.jump_m.map(|m| m.min(rise_m.abs()))
-        };
+        if self.left_alone { Standing::LeftAlone } else { Standing::Beside(self.error_m) }
     }
 }
