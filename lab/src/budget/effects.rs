@@ -152,10 +152,11 @@ impl Effects<'_> {
         Priors { radius: known.radius, zero_m, slope: constants.lvdt_slope_error().into() }
     }
 
-    /// Standard error of a prior by `[uncertainty]` alone: what the LVDT adds to its zero is an effect of its own.
-    pub fn known(&self, prior: usize) -> f64 {
+    /// Unknowns of the fit whose prior is wrong because the scene's constants are (`[uncertainty]`), and by how much. What the LVDT
+    /// adds to its zero is an effect of its own.
+    pub fn wrong_priors(&self) -> [(usize, f64); 3] {
         let known = &self.scene.uncertainty;
-        if prior == 2 { known.gap_zero_m } else { known.radius }
+        [(1, known.radius), (2, known.gap_zero_m), (4, known.radius)]
     }
 
     /// Every error that is no change of the gap.

@@ -219,9 +219,8 @@ impl Under {
         let mut under = Self { column, homing, parts: std::array::from_fn(|_| none.clone()) };
         gaps.iter().for_each(|effect| under.add_gap(effect));
         effects.direct().iter().for_each(|direct| under.add(direct));
-        // The constants' own uncertainty: scale and growth of the radius, and zero.
-        for prior in [1, 2, 4] {
-            let taken = under.homing.prior(prior, effects.known(prior));
+        for (prior, error) in effects.wrong_priors() {
+            let taken = under.homing.prior(prior, error);
             under.add_taken(Part::Law, &taken, &vec![0.0; under.column.0.len()], None);
         }
         // How the radius depends on the load, which the scale of the twist cannot take up.

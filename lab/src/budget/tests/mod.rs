@@ -1,4 +1,5 @@
 use super::*;
+use rig_config::Uncertainty;
 use rig_plant::RigPreset;
 
 pub(super) fn scene() -> Scene {
@@ -59,6 +60,18 @@ fn a_load_rests_within_a_share_of_its_jump() {
     near(at(&budget, Part::Friction, 5, 10)[0], 0.5 * jump_m / 3f64.sqrt(), 0.01, "rest");
     // Without any key there is the friction of the ideal rig, which has no stiction.
     assert_eq!(at(&of(&scene, &[]), Part::Friction, 5, 10)[0], 0.0);
+}
+
+/// The constants' share of the load's error goes with the zero that was measured, not with what the LVDT adds to it.
+#[test]
+fn a_zero_counts_by_the_scene_alone() {
+    let by_zero = |gap_zero_m: f64| {
+        let mut scene = scene();
+        scene.uncertainty = Uncertainty { radius: 1e-6, load_shape: 1e-6, gap_zero_m, ..scene.uncertainty };
+        at(&of(&scene, &[]), Part::Law, 3, 30)[1]
+    };
+    let [once, twice] = [10e-6, 20e-6].map(by_zero);
+    near(twice, 2.0 * once, 0.03, "load");
 }
 
 /// Strings that stretch by so much look like a load that stretches the gap by as much.
