@@ -2,8 +2,8 @@
 //!
 //! A load that breaks loose from stiction jumps by J = 2 (Fs − Fc)/k, and J cannot be made smaller by waiting. An error below
 //! half of a jump is therefore left alone: after another jump it would be no smaller. J is known from homing where the load
-//! stuck and slipped there, and is seen at rest: what takes a load that stood from one side of its target to the other is a jump. The
-//! strings' turn is not subtracted from it, because they also turn to break the load loose.
+//! stuck and slipped there, and is seen at rest: a way that takes a resting load from one side of its target to the other is a jump.
+//! What the strings have turned is not subtracted from it, because they also turn to break the load loose.
 
 use crate::homing::NINETY_PERCENT;
 use crate::load_state::LoadState;
