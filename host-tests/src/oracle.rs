@@ -61,6 +61,9 @@ struct Scenario {
     changed_at_m: Option<f64>,
     /// Somebody changed the load while it was homed: the change looks like friction, until the next homing.
     homed_changing: bool,
+    /// Its encoder lost counts while it was stuck, until the drive starts again. If they are fewer than own encoder and drive may
+    /// differ by, they show later or never.
+    lost_counts: bool,
     /// A string that has slipped looks like another load, also to a homing (docs/explanation/how-it-works.md).
     has_slipped: bool,
     /// When the latched fault was raised (s), and how far the motor had driven half a second later (rad).
@@ -102,6 +105,7 @@ impl Scenario {
             load_error_n: 0.0,
             changed_at_m: None,
             homed_changing: false,
+            lost_counts: false,
             has_slipped: false,
             fault: None,
             found: Found::default(),
@@ -143,6 +147,7 @@ impl Scenario {
             }
         }
         self.found.seconds = now_s;
+        self.lost_counts &= self.bench.control.state() != State::Boot;
         let (is_m, stated_m) = (self.bench.true_position_m(), telemetry.position_error_m.map_or(0.0, f64::from));
         if telemetry.setpoint_m.is_some_and(|set_point_m| may_seem_behind(is_m, f64::from(set_point_m), stated_m)) {
             self.behind_s = now_s;
@@ -164,6 +169,7 @@ impl Scenario {
                 "the load was truly more than 2 mm from its set-point"
             }
             Fault::LoadRange if near_end() => "the end of the table is within twice the stated error",
+            Fault::EncoderJump | Fault::EncoderDisagrees if self.lost_counts => "the encoder had lost counts",
             Fault::ModelResidual if self.homed_changing => "the load was changed while it was homed",
             _ => NO_CAUSE,
         }
@@ -252,6 +258,7 @@ impl Scenario {
                 }
                 self.disturbed_s = self.bench.time_s();
                 self.has_slipped |= fault == RigFault::StringSlip;
+                self.lost_counts |= fault == RigFault::EncoderStuck;
                 self.run(3.0);
             }
             7 => {
@@ -408,6 +415,9 @@ mod tests {
         for fault in [Fault::FollowingError, Fault::LoadRange, Fault::ModelResidual] {
             assert_ne!(cause(&scenario, fault, true), NO_CAUSE, "{fault}");
         }
+        assert_eq!(cause(&scenario, Fault::EncoderJump, true), NO_CAUSE);
+        scenario.lost_counts = true;
+        assert_ne!(cause(&scenario, Fault::EncoderJump, true), NO_CAUSE);
         assert_eq!(cause(&scenario, Fault::DriveSilent, true), NO_CAUSE);
         (scenario.behind_s, scenario.load_error_n) = (58.5, 0.4);
         for fault in [Fault::FollowingError, Fault::LoadRange] {

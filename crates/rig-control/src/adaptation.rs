@@ -16,8 +16,8 @@ pub const LARGEST_DRIFT: f32 = 0.03;
 /// Spread (rms, N) of x along a move of whose slope half is learned. A move with a smaller spread says less about a drift, and less of its
 /// slope is learned.
 const HALF_LEARNED_N: f32 = 3.0;
-/// Minimum spread (rms, N) to judge whether the bound is kept. The friction of a load that moves by less may change by as much as a
-/// slope beyond the bound makes.
+/// Minimum spread (rms, N) of a move that says whether the bound is kept. A move with a smaller spread can only say that it is not: if it
+/// makes the load seem to change by more than friction and noise do.
 const MIN_SPREAD_TO_JUDGE_N: f32 = 1.25;
 /// Moves in a row beyond the bound that are neither chance nor a load that somebody goes on filling.
 const DOUBTFUL_MOVES: u8 = 2;
@@ -99,17 +99,17 @@ impl Adaptation {
     fn end_move(&mut self, twist_scale: f32, known: KnownErrors) -> Finding {
         let slope = self.together / self.spread;
         let variance_n2 = self.spread / self.count;
-        let can_judge =
-            self.count >= f32::from(SETTLED_TICKS) && variance_n2 >= MIN_SPREAD_TO_JUDGE_N * MIN_SPREAD_TO_JUDGE_N;
+        let is_long = self.count >= f32::from(SETTLED_TICKS);
         let learned = variance_n2 / (variance_n2 + HALF_LEARNED_N * HALF_LEARNED_N);
         self.forget_move();
-        if !can_judge || !slope.is_finite() {
-            return Finding { scale_change: 0.0, agrees: None };
-        }
         let drift = (twist_scale + slope - self.homed_scale).abs();
         let bound = LARGEST_DRIFT + known.memory;
         // Another load than the homed one explains a greater slope. It is no fault then, but it confirms no load either.
-        let doubtful = drift > bound + known.change;
+        let doubtful = drift > bound + known.change && drift * libm::sqrtf(variance_n2) > known.noise_n;
+        let can_judge = doubtful || variance_n2 >= MIN_SPREAD_TO_JUDGE_N * MIN_SPREAD_TO_JUDGE_N;
+        if !is_long || !can_judge || !slope.is_finite() {
+            return Finding { scale_change: 0.0, agrees: None };
+        }
         self.doubtful = if doubtful { self.doubtful.saturating_add(1) } else { 0 };
         let agrees = Some(drift <= bound);
         // What is beyond the bound is no drift, and teaches nothing about it.
@@ -194,12 +194,40 @@ mod tests {
             ([0.045; 2], 0.0, slipped, [false; 2], true),
         ] {
             let mut a = Adaptation::new(1.0);
-            let known = KnownErrors { memory, change };
+            let known = KnownErrors { memory, change, noise_n: 0.0 };
             assert_eq!(ends(&mut a, slopes[0], known), Some(agree[0]), "{slopes:?} {known:?}");
             assert!(!a.disagrees(), "one is not enough: {slopes:?}");
             assert_eq!(ends(&mut a, slopes[1], known), Some(agree[1]), "{slopes:?} {known:?}");
             assert_eq!(a.disagrees(), disagrees, "{slopes:?} {known:?}");
         }
+    }
+
+    #[test]
+    fn a_load_that_seems_to_change_by_less_than_friction_and_noise_explain_is_no_contradiction() {
+        // 16.7 N on a rail with 0.5 N of friction: 0.2 N, which is 0.11 of the rms of x here.
+        let known = KnownErrors { noise_n: 0.2, ..KnownErrors::default() };
+        for (slopes, disagrees) in [([0.055, 0.051], false), ([0.12; 2], true)] {
+            let mut a = Adaptation::new(1.0);
+            for slope in slopes {
+                assert_eq!(ends(&mut a, slope, known), Some(false), "it confirms nothing: {slope}");
+            }
+            assert_eq!(a.disagrees(), disagrees, "{slopes:?}");
+        }
+    }
+
+    #[test]
+    fn a_short_move_can_contradict_but_not_confirm() {
+        let known = KnownErrors { noise_n: 0.1, ..KnownErrors::default() };
+        let ends = |a: &mut Adaptation, slope: f32| {
+            // The rms of x is 0.87 N.
+            (0..300u16).for_each(|n| a.record(0.01 * f32::from(n), 1.0 + 0.01 * f32::from(n) * slope));
+            a.end_move(1.0, known).agrees
+        };
+        let mut a = Adaptation::new(1.0);
+        assert_eq!([0.02, 0.08, 0.2].map(|slope| ends(&mut a, slope)), [None, None, Some(false)]);
+        // What says nothing does not take the doubt away.
+        assert_eq!([0.02, 0.2].map(|slope| ends(&mut a, slope)), [None, Some(false)]);
+        assert!(a.disagrees());
     }
 
     #[test]

@@ -49,6 +49,8 @@ pub struct KnownErrors {
     pub memory: f32,
     /// By a load that differs from the homed one, as a fraction of the homed one.
     pub change: f32,
+    /// By friction that is not the same all along the way, and by what else is no evidence of another load (N, rms).
+    pub noise_n: f32,
 }
 
 /// The observer of the load. Inside it a load is an *apparent* one: that which the table's mechanism would show at this
@@ -201,7 +203,8 @@ impl LoadObserver {
     /// Errors of the load that a move may show as if the strings had drifted.
     pub fn known_errors(&self) -> KnownErrors {
         let change = self.shape_error * (self.apparent_n - self.homed_n).abs() / self.homed_n;
-        KnownErrors { memory: self.memory.excess(self.load_n()), change }
+        let noise_n = libm::hypotf(OUTSIDE_FRACTION * self.apparent_n, MOVING_BAND * self.friction_n);
+        KnownErrors { memory: self.memory.excess(self.load_n()), change, noise_n }
     }
 
     /// Error of a load that hangs still, 90 % (N), at a point of the table and a twist (rad).
