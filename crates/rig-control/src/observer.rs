@@ -63,11 +63,12 @@ pub struct LoadObserver {
     apparent_n: f32,
     /// As homing left it: apparent load (N), covariance of scale and curve, noise of the gap (m), relative error of a change.
     homed_n: f32,
-    /// Standard error of the load that homing found, as a fraction of it, without what the rods remember.
-    homed_fraction: f32,
     covariance: [f32; 3],
     gap_noise_m: f32,
     shape_error: f32,
+    /// Standard error that no gap shows, as a fraction of the load: by how the radius depends on the load, which a weight that the
+    /// operator gives includes. All of homing's error where homing could not weigh the load.
+    hidden_error: f32,
     /// What the rods remember.
     memory: RodMemory,
     /// Time since homing (s).
@@ -123,16 +124,16 @@ impl LoadObserver {
     pub fn new(homed: &HomingResult, known: &Uncertainty, heaviest_n: f32) -> Self {
         let memory = RodMemory { light: known.rod_memory, heaviest_n: heaviest_n.max(homed.load_n) };
         let homed_n = memory.apparent_n(homed.load_n);
-        let by_memory = MEMORY_ERROR * memory.excess(homed.load_n);
         let homed_fraction = homed.load_error_n / (NINETY_PERCENT * homed.load_n);
+        let is_weighed = homed.load_error_n < homed.load_n;
         Self {
             motion: None,
             apparent_n: homed_n,
             homed_n,
-            homed_fraction: libm::sqrtf((homed_fraction * homed_fraction - by_memory * by_memory).max(0.0)),
             covariance: homed.covariance,
             gap_noise_m: homed.gap_noise_m,
             shape_error: known.load_shape,
+            hidden_error: if is_weighed { known.load_shape.min(homed_fraction) } else { homed_fraction },
             memory,
             age_s: 0.0,
             friction_n: homed.friction_n,
@@ -214,17 +215,15 @@ impl LoadObserver {
         let [scale, both, constant] = self.covariance;
         let open_m2 = (by_scale_m * by_scale_m * scale + 2.0 * by_scale_m * both + constant).max(0.0);
         let gap_n = libm::sqrtf(open_m2 + self.gap_noise_m * self.gap_noise_m) / point.dgap_dload_m_per_n;
-        // No later reading of the gap is better than what the homing could make of all of them.
         let load_n = self.load_n();
-        let gap_n = gap_n.max(self.homed_fraction * load_n);
+        let hidden_n = self.hidden_error * load_n;
         let band_n = self.band * self.friction_n;
         let change_n = self.shape_error * (self.apparent_n - self.homed_n);
         let memory_n = MEMORY_ERROR * self.memory.excess(load_n) * load_n;
         let drift = DRIFT[0] + (DRIFT[1] - DRIFT[0]) * (self.age_s / DRIFT_S).min(1.0);
         let drift_n = drift * load_n;
-        let variance_n2 =
-            gap_n * gap_n + band_n * band_n + change_n * change_n + memory_n * memory_n + drift_n * drift_n;
-        NINETY_PERCENT * libm::sqrtf(variance_n2)
+        let parts_n = [gap_n, hidden_n, band_n, change_n, memory_n, drift_n];
+        NINETY_PERCENT * libm::sqrtf(parts_n.iter().map(|part_n| part_n * part_n).sum())
     }
 
     /// One tick: a measured gap and the twist (rad) at the time of that measurement; without a gap the estimate stays.
@@ -352,6 +351,7 @@ mod tests {
     /// 1 mm/rad and 1 mm/N: a scale that is wrong by 1 % at 20 rad is 0.2 mm, or 0.2 N.
     const POINT: Point = Point { gap_m: 0.05, dgap_dtwist_m_per_rad: -1e-3, dgap_dload_m_per_n: 1e-3 };
     const DRIFT_N: f32 = DRIFT[0] * 5.0;
+    const NOISE_N: f32 = 1e3 * MIN_GAP_ERROR_M;
 
     /// The root of the sum of the squares.
     fn together(parts: &[f32]) -> f32 {
@@ -363,11 +363,22 @@ mod tests {
     }
 
     #[test]
-    fn no_load_is_known_better_than_homing_left_it_and_far_twists_open_more() {
-        let near_n = observer(0.0).still_error_n(&POINT, 20.0);
-        assert!(same(near_n, together(&[0.5, NINETY_PERCENT * DRIFT_N])), "{near_n}");
-        let far_n = observer(0.0).still_error_n(&POINT, 60.0);
-        assert!(same(far_n, NINETY_PERCENT * together(&[0.6, DRIFT_N])), "{far_n}");
+    fn far_twists_leave_more_of_the_load_open() {
+        for (twist_rad, open_n) in [(20.0, 0.2), (60.0, 0.6)] {
+            let found_n = observer(0.0).still_error_n(&POINT, twist_rad);
+            assert!(same(found_n, NINETY_PERCENT * together(&[open_n, NOISE_N, DRIFT_N])), "{found_n}");
+        }
+    }
+
+    #[test]
+    fn no_gap_shows_how_the_radius_depends_on_the_load_unless_the_operator_gave_a_weight() {
+        let known = Uncertainty { radius: 0.01, gap_zero_m: 1e-4, load_shape: 0.03, rod_memory: 0.0 };
+        // By homing's own error (N): a load that was weighed, a weight that was given, and a load that is not known.
+        for (homed_error_n, hidden_n) in [(0.5, 0.03 * 5.0), (0.04, 0.04 / NINETY_PERCENT), (8.0, 8.0 / NINETY_PERCENT)] {
+            let homed = HomingResult { load_error_n: homed_error_n, ..HOMED };
+            let found_n = LoadObserver::new(&homed, &known, 0.0).still_error_n(&POINT, 0.0);
+            assert!(same(found_n, NINETY_PERCENT * together(&[hidden_n, NOISE_N, DRIFT_N])), "{homed_error_n}: {found_n}");
+        }
     }
 
     #[test]
@@ -398,15 +409,15 @@ mod tests {
         }
     }
 
-    /// Homed under 5 N after 6 N: the mechanism shows more than hangs. What the rods remember is part of homing's error, and
-    /// counts once.
+    /// Homed under 5 N after 6 N: the mechanism shows more than hangs.
     #[test]
     fn a_load_on_rods_that_remember_a_heavier_one_seems_heavier_than_what_is_reported() {
-        let (first, o) = (observer(0.0), after(6.0, 0.0));
+        let o = after(6.0, 0.0);
         let excess = 0.2 * memory_shape(5.0, 6.0);
         assert!(same(o.apparent_n(), 5.0 * (1.0 + excess)) && same(o.load_n(), 5.0), "{o:?}");
-        let error_n = |o: &LoadObserver| o.still_error_n(&POINT, 0.0);
-        assert!(same(error_n(&o), error_n(&first)), "{} {}", error_n(&o), error_n(&first));
+        let error_n = o.still_error_n(&POINT, 0.0);
+        let parts = [MEMORY_ERROR * excess * 5.0, NOISE_N, DRIFT_N];
+        assert!(same(error_n, NINETY_PERCENT * together(&parts)), "{error_n}");
     }
 
     #[test]
