@@ -374,10 +374,14 @@ mod tests {
     fn no_gap_shows_how_the_radius_depends_on_the_load_unless_the_operator_gave_a_weight() {
         let known = Uncertainty { radius: 0.01, gap_zero_m: 1e-4, load_shape: 0.03, rod_memory: 0.0 };
         // By homing's own error (N): a load that was weighed, a weight that was given, and a load that is not known.
-        for (homed_error_n, hidden_n) in [(0.5, 0.03 * 5.0), (0.04, 0.04 / NINETY_PERCENT), (8.0, 8.0 / NINETY_PERCENT)] {
+        for (homed_error_n, hidden_n) in [(0.5, 0.03 * 5.0), (0.04, 0.04 / NINETY_PERCENT), (8.0, 8.0 / NINETY_PERCENT)]
+        {
             let homed = HomingResult { load_error_n: homed_error_n, ..HOMED };
             let found_n = LoadObserver::new(&homed, &known, 0.0).still_error_n(&POINT, 0.0);
-            assert!(same(found_n, NINETY_PERCENT * together(&[hidden_n, NOISE_N, DRIFT_N])), "{homed_error_n}: {found_n}");
+            assert!(
+                same(found_n, NINETY_PERCENT * together(&[hidden_n, NOISE_N, DRIFT_N])),
+                "{homed_error_n}: {found_n}"
+            );
         }
     }
 

@@ -146,6 +146,8 @@ plant_keys! {
     AdcInl = "adc_inl", adc_inl: f64 = 0.0, Number, [0.0, 100.0], Always, Rig, Present [1.5, 3.0];
     /// Twist of the strings at power-up.
     TwistAtBoot = "twist_at_boot", twist_at_boot_rad: f64 = 1.0, Angle, [-75.0, 75.0], AtStart, Rig;
+    /// Scales the string's radius.
+    RadiusScale = "radius_scale", radius_scale: f64 = 1.0, Fraction, [0.1, 10.0], AtStart, Law;
     /// Scales k2 of the string's radius model.
     K2Scale = "k2_scale", k2_scale: f64 = 1.0, Fraction, [0.1, 10.0], AtStart, Law;
     /// Scales k3.

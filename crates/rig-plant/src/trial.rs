@@ -9,7 +9,7 @@ use crate::bench::{ControlBench, scene};
 use crate::preset::{normal, uniform};
 use crate::rig::EmulatedRig;
 use crate::units::STANDARD_GRAVITY;
-use crate::{PlantKey, PlantSettings, RigPreset};
+use crate::{PlantChange, PlantKey, PlantSettings, RigPreset};
 use rig_control::Controller;
 use rig_link::Accepted;
 use rig_link::messages::{LoadChoice, Parameter, Refusal, Request, State, Telemetry};
@@ -157,6 +157,8 @@ pub struct Trial {
     pub twist_rad: f64,
     /// Zero of the LVDT (m), normally distributed with the scene's `gap_zero_m` as its standard deviation.
     pub lvdt_offset_m: f64,
+    /// Radius of the strings over the scene's, normally distributed about 1 with the scene's `radius` as its standard deviation.
+    pub radius_scale: f64,
     /// Target of the first move (m).
     pub place_m: f64,
 }
@@ -174,8 +176,15 @@ impl Trial {
             worked_n: (drawn("trial worked") < 0.5).then(|| load_n("trial load before")),
             twist_rad: TWIST_RAD * (2.0 * drawn("trial twist") - 1.0),
             lvdt_offset_m: scene().uncertainty.gap_zero_m * normal(seed, "trial lvdt offset"),
+            radius_scale: 1.0 + scene().uncertainty.radius * normal(seed, "trial radius"),
             place_m: PLACES_M[0] + (PLACES_M[1] - PLACES_M[0]) * drawn("trial place"),
         }
+    }
+
+    /// What the scene's constants miss of the rig, by as much as its `[uncertainty]` says; no preset has it.
+    pub fn constants_off(&self) -> [PlantChange; 2] {
+        [(PlantKey::LvdtOffset, self.lvdt_offset_m), (PlantKey::RadiusScale, self.radius_scale)]
+            .map(|(key, value)| PlantChange { key, value })
     }
 
     /// The rig, as switched on.
@@ -185,7 +194,7 @@ impl Trial {
     pub fn rig(&self) -> Result<EmulatedRig, String> {
         let mut settings = PlantSettings::preset(self.kind, self.seed);
         (settings.load_n, settings.twist_at_boot_rad) = (self.worked_n.unwrap_or(self.loads_n[0]), self.twist_rad);
-        settings.lvdt_offset_m = self.lvdt_offset_m;
+        self.constants_off().into_iter().for_each(|change| settings.put(change));
         EmulatedRig::new(scene(), settings, self.seed).map_err(|e| e.to_string())
     }
 
@@ -291,10 +300,16 @@ mod tests {
             assert!(trial.loads_n.iter().chain(&trial.worked_n).all(|n| (min_n..=max_n).contains(n)), "{trial:?}");
             assert!(trial.twist_rad.abs() <= TWIST_RAD && (PLACES_M[0]..=PLACES_M[1]).contains(&trial.place_m));
         }
-        let known_m = scene().uncertainty.gap_zero_m;
-        let squares = trials.iter().map(|trial| (trial.lvdt_offset_m / known_m).powi(2)).sum::<f64>();
-        assert!((0.8..1.2).contains(&(squares / 200.0).sqrt()), "{squares}");
-        assert_eq!(trials[7].rig().unwrap().settings().lvdt_offset_m, trials[7].lvdt_offset_m);
+        let known = &scene().uncertainty;
+        let drawn: [&dyn Fn(&Trial) -> f64; 2] =
+            [&|trial| trial.lvdt_offset_m / known.gap_zero_m, &|trial| (trial.radius_scale - 1.0) / known.radius];
+        for drawn in drawn {
+            let squares = trials.iter().map(|trial| drawn(trial).powi(2)).sum::<f64>();
+            assert!((0.8..1.2).contains(&(squares / 200.0).sqrt()), "{squares}");
+        }
+        let settings = trials[7].rig().unwrap().settings().clone();
+        assert_eq!(settings.lvdt_offset_m, trials[7].lvdt_offset_m);
+        assert_eq!(settings.radius_scale, trials[7].radius_scale);
         let worked = trials.iter().filter(|trial| trial.worked_n.is_some()).count();
         assert!((70..130).contains(&worked), "{worked} of 200 have worked before");
         let light = trials.iter().filter(|trial| trial.loads_n[0] < (min_n * max_n).sqrt()).count();
@@ -309,6 +324,7 @@ mod tests {
             worked_n: None,
             place_m: 0.008,
             lvdt_offset_m: 0.0,
+            radius_scale: 1.0,
             ..Trial::new(RigPreset::Ideal, 1)
         };
         let (stated, why) = trial.run(booted());

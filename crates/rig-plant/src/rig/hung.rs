@@ -25,6 +25,7 @@ impl PlantSettings {
     /// The scene as this rig really is: its constants differ from those that the firmware's table was built with.
     pub fn distort(&self, scene: &Scene) -> Scene {
         let mut scene = scene.clone();
+        scene.string.diameter_m *= self.radius_scale;
         scene.string.k2 *= self.k2_scale;
         scene.string.k3 *= self.k3_scale;
         scene.string.k4 *= self.k4_scale;
