@@ -204,7 +204,7 @@ mod tests {
 
     #[test]
     fn a_load_that_seems_to_change_by_less_than_friction_and_noise_explain_is_no_contradiction() {
-        // 16.7 N on a rail with 0.5 N of friction: 0.2 N, which is 0.11 of the rms of x here.
+        // 16.7 N on a rail with 0.6 N of friction: 0.2 N, which is 0.11 of the rms of x here.
         let known = KnownErrors { noise_n: 0.2, ..KnownErrors::default() };
         for (slopes, disagrees) in [([0.055, 0.051], false), ([0.12; 2], true)] {
             let mut a = Adaptation::new(1.0);

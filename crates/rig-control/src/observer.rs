@@ -49,7 +49,7 @@ pub struct KnownErrors {
     pub memory: f32,
     /// By a load that differs from the homed one, as a fraction of the homed one.
     pub change: f32,
-    /// By friction that is not the same all along the way, and by what else is no evidence of another load (N, rms).
+    /// By friction that is not the same all along the way, and by creep and warming up since homing, 90 % (N, rms).
     pub noise_n: f32,
 }
 
@@ -204,7 +204,7 @@ impl LoadObserver {
     /// Errors of the load that a move may show as if the strings had drifted.
     pub fn known_errors(&self) -> KnownErrors {
         let change = self.shape_error * (self.apparent_n - self.homed_n).abs() / self.homed_n;
-        let noise_n = libm::hypotf(OUTSIDE_FRACTION * self.apparent_n, MOVING_BAND * self.friction_n);
+        let noise_n = libm::hypotf(NINETY_PERCENT * DRIFT[0] * self.apparent_n, MOVING_BAND * self.friction_n);
         KnownErrors { memory: self.memory.excess(self.load_n()), change, noise_n }
     }
 
@@ -422,6 +422,14 @@ mod tests {
         let error_n = o.still_error_n(&POINT, 0.0);
         let parts = [MEMORY_ERROR * excess * 5.0, NOISE_N, DRIFT_N];
         assert!(same(error_n, NINETY_PERCENT * together(&parts)), "{error_n}");
+    }
+
+    #[test]
+    fn along_a_move_friction_and_creep_are_no_evidence() {
+        let mut o = observer(0.0);
+        o.friction_n = 0.4;
+        let expected_n = together(&[NINETY_PERCENT * 0.003 * 5.0, 0.3 * 0.4]);
+        assert!(same(o.known_errors().noise_n, expected_n), "{:?}", o.known_errors());
     }
 
     #[test]

@@ -33,7 +33,7 @@ fn observer() -> LoadObserver {
         covariance: [1e-6, 0.0, 0.0],
         drive_lag_s: 0.01,
     };
-    let known = Uncertainty { radius: 0.01, gap_zero_m: 1e-4, load_shape: 0.01, rod_memory: 1e-6 };
+    let known = Uncertainty { radius: 0.01, gap_zero_m: 1e-4, load_shape: 0.03, rod_memory: 1e-6 };
     LoadObserver::new(&homed, &known, 0.0)
 }
 
@@ -61,7 +61,7 @@ fn a_pull_anywhere_in_the_friction_band_says_nothing_of_a_load_at_rest() {
         near(seen.pull_n, pull_n, 0.005);
         assert!(!seen.changing && seen.confirmed && !seen.at_range_end && seen.moved_m == 0.0);
         assert_eq!(seen.friction_n, FRICTION_N);
-        // Known no better than homing left it, and a little worse for what drifts.
+        // How the radius depends on the load, and a little for what drifts and for friction.
         near(seen.load_error_n, 0.25, 0.05);
     }
 }
@@ -224,7 +224,7 @@ fn another_load_may_look_like_a_drift_by_its_fraction_of_the_homed_one() {
         let mut observer = observer();
         let seen = pulls(&mut observer, LOAD_N + change_n, 200);
         assert!((seen.mechanism_load_n - LOAD_N).abs() >= 0.9 * change_n.abs(), "{seen:?}");
-        near(observer.known_errors().change, 0.01 * (seen.mechanism_load_n - LOAD_N).abs() / LOAD_N, 1e-6);
+        near(observer.known_errors().change, 0.03 * (seen.mechanism_load_n - LOAD_N).abs() / LOAD_N, 1e-6);
     }
 }
 

@@ -11,7 +11,8 @@ impl Changed {
     fn new(key: &str, value: &str) -> Self {
         let scene = std::fs::read_to_string(root().join("scenes/default.toml")).expect("the default scene");
         let line = scene.lines().find(|line| line.starts_with(&format!("{key} = "))).expect("a key of it");
-        let path = file(&format!("scene-{key}.toml"));
+        // Two tests that run at once may change the same key.
+        let path = file(&format!("scene-{key}-{value}.toml"));
         std::fs::write(&path, scene.replace(line, &format!("{key} = {value}"))).expect("written");
         Self(path)
     }
