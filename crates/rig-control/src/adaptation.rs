@@ -17,7 +17,7 @@ pub const LARGEST_DRIFT: f32 = 0.03;
 /// slope is learned.
 const HALF_LEARNED_N: f32 = 3.0;
 /// Minimum spread (rms, N) of a move that says whether the bound is kept. A move with a smaller spread can only say that it is not: if it
-/// makes the load seem to change by more than friction and noise do.
+/// makes the load seem to change by more than friction and creep do.
 const MIN_SPREAD_TO_JUDGE_N: f32 = 1.25;
 /// Moves in a row beyond the bound that are neither chance nor a load that somebody goes on filling.
 const DOUBTFUL_MOVES: u8 = 2;
@@ -203,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn a_load_that_seems_to_change_by_less_than_friction_and_noise_explain_is_no_contradiction() {
+    fn a_load_that_seems_to_change_by_less_than_friction_and_creep_explain_is_no_contradiction() {
         // 16.7 N on a rail with 0.6 N of friction: 0.2 N, which is 0.11 of the rms of x here.
         let known = KnownErrors { noise_n: 0.2, ..KnownErrors::default() };
         for (slopes, disagrees) in [([0.055, 0.051], false), ([0.12; 2], true)] {
