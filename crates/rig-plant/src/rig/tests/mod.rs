@@ -336,6 +336,14 @@ fn a_running_rig_takes_what_makes_no_other_mechanism() {
 }
 
 #[test]
+fn thicker_strings_have_a_thicker_radius_and_are_otherwise_the_scenes() {
+    let scene = scene();
+    let real = PlantSettings { radius_scale: 1.1, ..PlantSettings::default() }.distort(scene);
+    assert!((real.string.diameter_m / scene.string.diameter_m - 1.1).abs() < 1e-12);
+    assert_eq!((real.string.k2, real.string.stiffness_n_per_m), (scene.string.k2, scene.string.stiffness_n_per_m));
+}
+
+#[test]
 fn a_twist_that_the_strings_cannot_have_is_refused_with_its_limit() {
     let new = |load_n, twist_at_boot_rad| {
         EmulatedRig::new(scene(), PlantSettings { load_n, twist_at_boot_rad, ..PlantSettings::default() }, 1)
