@@ -61,9 +61,9 @@ pub struct LoadObserver {
     motion: Option<LoadMotion>,
     /// The apparent load (N).
     apparent_n: f32,
-    /// As homing left it: apparent load (N), covariance of scale and curve, noise of the gap (m), relative error of a change.
+    /// As homing left it: apparent load (N), covariance of scale, curve and slope, noise of the gap (m), relative error of a change.
     homed_n: f32,
-    covariance: [f32; 3],
+    covariance: [f32; 6],
     gap_noise_m: f32,
     shape_error: f32,
     /// Standard error that no gap shows, as a fraction of the load: by how the radius depends on the load, which a weight that the
@@ -116,6 +116,16 @@ pub struct Observation {
     pub changing: bool,
     /// The load is that of homing, or moves have confirmed it since.
     pub confirmed: bool,
+}
+
+/// Standard error (m) of the gap at a point of the table and a twist (rad), by what homing left open of scale, curve and slope
+/// together ([`HomingResult::covariance`]). At the twists of the sweeps it is as large as the error of the homed load makes it, because
+/// the fit found all of them from these gaps.
+pub(crate) fn open_gap_m(covariance: &[f32; 6], point: &Point, twist_rad: f32) -> f32 {
+    let by = [point.dgap_dtwist_m_per_rad * twist_rad, 1.0, point.gap_m];
+    let rows = [[0, 1, 3], [1, 2, 4], [3, 4, 5]];
+    let times = |row: [usize; 3]| row.iter().zip(by).map(|(k, by)| covariance[*k] * by).sum::<f32>();
+    libm::sqrtf(rows.into_iter().zip(by).map(|(row, by)| by * times(row)).sum::<f32>().max(0.0))
 }
 
 impl LoadObserver {
@@ -210,11 +220,8 @@ impl LoadObserver {
 
     /// Error of a load that hangs still, 90 % (N), at a point of the table and a twist (rad).
     fn still_error_n(&self, point: &Point, twist_rad: f32) -> f32 {
-        // Gap that scale and curve leave open, m².
-        let by_scale_m = point.dgap_dtwist_m_per_rad * twist_rad;
-        let [scale, both, constant] = self.covariance;
-        let open_m2 = (by_scale_m * by_scale_m * scale + 2.0 * by_scale_m * both + constant).max(0.0);
-        let gap_n = libm::sqrtf(open_m2 + self.gap_noise_m * self.gap_noise_m) / point.dgap_dload_m_per_n;
+        let open_m = open_gap_m(&self.covariance, point, twist_rad);
+        let gap_n = libm::hypotf(open_m, self.gap_noise_m) / point.dgap_dload_m_per_n;
         let load_n = self.load_n();
         let hidden_n = self.hidden_error * load_n;
         let band_n = self.band * self.friction_n;
@@ -334,7 +341,7 @@ mod tests {
         jump_m: 0.0,
         twist_scale: 1.0,
         curve: GapCurve::constant(0.0),
-        covariance: [1e-4, 0.0, 0.0],
+        covariance: [1e-4, 0.0, 0.0, 0.0, 0.0, 0.0],
         drive_lag_s: 0.03,
     };
 
@@ -388,10 +395,14 @@ mod tests {
     #[test]
     fn errors_of_scale_and_curve_that_go_together_make_up_for_each_other() {
         let mut o = observer(0.0);
-        o.covariance = [1e-4, 2e-6, 1e-7];
-        // At 60 rad the scale moves the gap by −60 mm: 3.6e-7 − 2 · 0.06 · 2e-6 + 1e-7 m².
-        let found_n = o.still_error_n(&POINT, 60.0);
-        assert!(same(found_n, NINETY_PERCENT * together(&[libm::sqrtf(2.2e-7) / 1e-3, DRIFT_N])), "{found_n}");
+        // At 60 rad the scale moves the gap by −60 mm: 3.6e-7 − 2 · 0.06 · 2e-6 + 1e-7 m². The slope moves it by 50 mm:
+        // 2.5e-7 − 2 · 0.06 · 0.05 · 3e-5 + 2 · 0.05 · 2e-6 m².
+        for (slope, open_m2) in [([0.0; 3], 2.2e-7), ([3e-5, 2e-6, 1e-4], 4.9e-7)] {
+            o.covariance = [1e-4, 2e-6, 1e-7, slope[0], slope[1], slope[2]];
+            let found_n = o.still_error_n(&POINT, 60.0);
+            let expected_n = NINETY_PERCENT * together(&[libm::sqrtf(open_m2) / 1e-3, DRIFT_N]);
+            assert!(same(found_n, expected_n), "{found_n} instead of {expected_n}");
+        }
     }
 
     #[test]

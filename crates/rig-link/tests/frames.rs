@@ -125,7 +125,7 @@ fn telemetry() -> impl Strategy<Value = Telemetry> {
 
 fn event() -> impl Strategy<Value = EventKind> {
     prop_oneof![
-        (prop::array::uniform8(float()), prop::array::uniform6(float()), prop::array::uniform3(float())).prop_map(
+        (prop::array::uniform8(float()), prop::array::uniform6(float()), prop::array::uniform6(float())).prop_map(
             |(
                 [zero_error_rad, load_n, load_error_n, friction_n, reference_gap_m, gap_noise_m, twist_scale, lag],
                 c,

@@ -91,8 +91,8 @@ pub(super) struct Weighed {
     pub twist_scale: f32,
     pub friction_n: f32,
     pub curve: GapCurve,
-    /// Covariance of the logarithm of the scale and the curve's constant (m): scale, both, constant.
-    pub covariance: [f32; 3],
+    /// As in the homing's result ([`rig_link::messages::HomingResult`]).
+    pub covariance: [f32; 6],
 }
 
 /// The weighing.
@@ -319,9 +319,12 @@ impl LoadEstimate {
                 (pair.twist_rad, pair.gap_m - 0.5 * (up.gap_m + down.gap_m))
             })
             .collect();
-        let scale_variance =
-            covariance[1][1] + scale_by_growth * (2.0 * covariance[4][1] + scale_by_growth * covariance[4][4]);
-        let both = covariance[2][1] + scale_by_growth * covariance[4][2];
+        // Of that scale with each unknown of the fit, and with itself.
+        let of_scale = |unknown: usize| covariance[unknown][1] + scale_by_growth * covariance[4][unknown];
+        let scale = of_scale(1) + scale_by_growth * of_scale(4);
+        // The fit counts the slope from the middle of the gaps, and gaps in millimetres.
+        let middle_m = self.middle_m;
+        let [constant, both, slope] = [1e-6 * covariance[2][2], 1e-3 * covariance[3][2], covariance[3][3]];
         Ok(Weighed {
             apparent_n,
             load_n,
@@ -331,7 +334,14 @@ impl LoadEstimate {
             twist_scale,
             friction_n: self.friction_n,
             curve: curve(&rest, offset_m).ok_or(HomingFailure::PoorFit)?,
-            covariance: [scale_variance, 1e-3 * both, 1e-6 * covariance[2][2]],
+            covariance: [
+                scale,
+                1e-3 * of_scale(2) - middle_m * of_scale(3),
+                constant - middle_m * (2.0 * both - middle_m * slope),
+                of_scale(3),
+                both - middle_m * slope,
+                slope,
+            ],
         })
     }
 }

@@ -30,7 +30,7 @@ fn observer() -> LoadObserver {
         jump_m: 0.0,
         twist_scale: 1.0,
         curve: GapCurve::constant(0.0),
-        covariance: [1e-6, 0.0, 0.0],
+        covariance: [1e-6, 0.0, 0.0, 0.0, 0.0, 0.0],
         drive_lag_s: 0.01,
     };
     let known = Uncertainty { radius: 0.01, gap_zero_m: 1e-4, load_shape: 0.03, rod_memory: 1e-6 };

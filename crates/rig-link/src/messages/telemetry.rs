@@ -119,8 +119,9 @@ pub struct HomingResult {
     pub twist_scale: f32,
     /// Measured less modelled gap over the twist.
     pub curve: GapCurve,
-    /// Covariance of the logarithm of the scale and of the curve's constant (m): scale, both, constant.
-    pub covariance: [f32; 3],
+    /// Covariance of the logarithm of the scale, the curve's constant (m) at gap 0 and the LVDT's slope: the lower triangle of
+    /// the matrix, row by row.
+    pub covariance: [f32; 6],
     /// How far the shaft stays behind its set-point, in time (s): the drive's own position loop, measured.
     pub drive_lag_s: f32,
 }

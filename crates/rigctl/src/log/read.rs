@@ -197,7 +197,7 @@ mod tests {
         # at 0.01 request move 0.008 speed=0.002 load=auto\n0.02,ready,0.001,3.2,\n\
         # at 0.02 event homed {\"zero_error_rad\":0.001,\"load_n\":4.9,\"load_error_n\":0.25,\"friction_n\":0.1,\
         \"reference_gap_m\":0.1,\"gap_noise_m\":4e-6,\"jump_m\":0.0,\"twist_scale\":1.0,\"curve\":{\"middle_rad\":22.0,\"half_rad\":14.0,\
-        \"coefficients_m\":[0.0001,0.0,0.0,0.0]},\"covariance\":[1e-4,0.0,1e-8],\"drive_lag_s\":0.05}\n\
+        \"coefficients_m\":[0.0001,0.0,0.0,0.0]},\"covariance\":[1e-4,0.0,1e-8,0.0,0.0,1e-8],\"drive_lag_s\":0.05}\n\
         0.03,moving,0.001,3.3,4.9\n# lost_frames = 0\n# end rows = 2\n";
 
     #[test]

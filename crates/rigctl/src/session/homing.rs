@@ -151,7 +151,7 @@ mod tests {
         jump_m: 0.0,
         twist_scale: 1.0,
         curve: GapCurve::constant(0.0),
-        covariance: [1e-4, 0.0, 1e-8],
+        covariance: [1e-4, 0.0, 1e-8, 0.0, 0.0, 1e-8],
         drive_lag_s: 0.02,
     };
 

@@ -5,6 +5,7 @@ extern crate std;
 use super::*;
 use crate::constants::tests::RIG;
 use crate::hysteresis::memory_shape;
+use crate::observer::open_gap_m;
 use std::sync::OnceLock;
 use tsa_table::Uncertainty;
 use tsa_table::owned::OwnedTable;
@@ -214,14 +215,19 @@ fn the_fit_ends_at_the_minimum_and_states_the_inverse_of_its_curvature() {
             assert!(fraction.abs() < 0.05, "{unknown}: the sum still falls by {fraction} standard errors");
         }
         let inverse = Cholesky::new(information.map(|row| row.map(|x| x as f32))).expect("positive").inverse();
-        let [scale, both, constant] = found.covariance;
+        let [scale, both, constant, scale_slope, constant_slope, slope] = found.covariance;
         // The one scale is the fit's and a multiple of the growth.
         let sum = |a: usize, b: usize| derivatives[a].iter().zip(&derivatives[b]).map(|(a, b)| a * b).sum::<f64>();
         let of_growth = (sum(1, 4) / sum(1, 1)) as f32;
         near(found.twist_scale, twist_scale * (1.0 + of_growth * growth), 1e-3);
         near(scale, inverse[1][1] + of_growth * (2.0 * inverse[1][4] + of_growth * inverse[4][4]), 0.04);
-        near(both, 1e-3 * (inverse[1][2] + of_growth * inverse[2][4]), 0.02);
-        near(constant, 1e-6 * inverse[2][2], 0.02);
+        // From the middle of the gaps to gap 0.
+        let middle_m = load_estimate.middle_m;
+        near(scale_slope, inverse[1][3] + of_growth * inverse[3][4], 0.04);
+        near(both, 1e-3 * (inverse[1][2] + of_growth * inverse[2][4]) - middle_m * scale_slope, 0.02);
+        near(constant, 1e-6 * inverse[2][2] + middle_m * (middle_m * inverse[3][3] - 2e-3 * inverse[2][3]), 0.02);
+        near(constant_slope, 1e-3 * inverse[2][3] - middle_m * inverse[3][3], 0.02);
+        near(slope, inverse[3][3], 0.02);
         let shape = if given == LoadChoice::Auto { uncertainty.load_shape } else { 0.0 };
         near(found.load_sigma_n, load_n * libm::sqrtf(inverse[0][0] + shape * shape), 0.02);
     }
@@ -281,7 +287,7 @@ fn errors_are_those_of_the_fit_and_of_how_the_radius_depends_on_the_load() {
         let found = result(EXPECTED, given, 5.0, 0.0).expect("a load");
         assert_eq!((found.load_n, found.friction_n, found.twist_scale), (5.0, 0.1, 1.0));
         near(found.load_sigma_n, 5.0 * libm::sqrtf(1e-4 + shape * shape), 1e-3);
-        for (found, expected) in found.covariance.into_iter().zip([4e-6, 5e-7, 9e-8]) {
+        for (found, expected) in found.covariance.into_iter().zip([4e-6, 5e-7, 9e-8, 0.0, 0.0, 0.0]) {
             near(found, expected, 1e-3);
         }
     }
@@ -344,6 +350,23 @@ fn one_scale_stands_for_scale_and_growth() {
     // (1, 2) C (1, 2)ᵀ and (1, 2) C (0, 1)ᵀ with millimetres.
     near(found.covariance[0], 4e-4 - 4.0 * 1e-4 + 4.0 * 9e-4, 1e-4);
     near(found.covariance[1], 1e-3 * (5e-4 + 2.0 * 2e-4), 1e-4);
+}
+
+/// The fit has all that it found from these gaps: one of them alone shows the load as well as all of them do.
+#[test]
+fn at_the_twists_of_the_sweep_the_gap_is_as_open_as_the_load_makes_it() {
+    let shape = table().metadata.uncertainty.load_shape;
+    for load_n in [1.0, 2.0, 5.0, 14.0] {
+        let swept = Swept { load_n, friction_n: 0.02, ..SWEPT };
+        let found = fitted(&mut swept.recorded(LoadChoice::Auto, 1.0)).expect("a load");
+        let mechanism = Mechanism { table: *table(), twist_scale: found.twist_scale, curve: found.curve };
+        let by_fit_n = libm::sqrtf(found.load_sigma_n.powi(2) - (shape * found.load_n).powi(2));
+        for twist_rad in [10.0, 20.0, 32.0] {
+            let point = mechanism.at(found.load_n, twist_rad);
+            let by_gap_n = open_gap_m(&found.covariance, &point, twist_rad) / point.dgap_dload_m_per_n;
+            near(by_gap_n, by_fit_n, 0.1);
+        }
+    }
 }
 
 #[test]
