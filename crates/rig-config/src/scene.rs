@@ -140,12 +140,28 @@ impl Scene {
     /// The same as the fit of a table takes it.
     ///
     /// # Errors
-    /// As [`Scene::table_requirement`].
+    /// As [`Scene::table_requirement`], and where the model has no equilibrium in the middle of the envelope.
     pub fn table_spec(&self) -> Result<TableSpec, SceneError> {
         let (envelope, accuracy) = self.table_requirement()?;
         let [_, twist_max_rad] = envelope.twist_rad();
-        let uncertainty = self.uncertainty.of_table();
+        let uncertainty = self.uncertainty.of_table(self.twist_scale_error()?);
         Ok(TableSpec { load_n: envelope.load_n, twist_max_rad, accuracy, uncertainty, scene_hash: self.hash() })
+    }
+
+    /// Standard error (relative) of the scale of the twist that makes good for an error of the string radius, in the middle of the
+    /// envelope. The radius grows with the twist: a twist that is scaled by s has an arc θ r that is scaled by s to the power
+    /// (∂(θ r)/∂θ)/r.
+    ///
+    /// # Errors
+    /// Without an envelope, or an equilibrium there.
+    pub fn twist_scale_error(&self) -> Result<f64, SceneError> {
+        let Envelope { load_n: [min_n, max_n], turns: [first, last] } = self.covered()?;
+        let (load_n, turns) = ((min_n * max_n).sqrt(), 0.5 * (first + last));
+        let (mechanism, twist_rad) = (self.mechanism()?, twist_from_turns(turns));
+        let found = mechanism.solve(load_n, twist_rad);
+        let x_m = found.map_err(|limit| SceneError::Unsolvable { load_n, turns, limit })?.x_m;
+        let radius = mechanism.parameters().radius(load_n, twist_rad, x_m, mechanism.start_length_m());
+        Ok(self.uncertainty.radius * radius.radius_m / radius.arc_by_twist)
     }
 
     /// Fits, chooses and certifies the table of this scene.

@@ -30,10 +30,10 @@ impl Default for Uncertainty {
 }
 
 impl Uncertainty {
-    /// As the metadata of a table has it.
-    pub fn of_table(&self) -> tsa_table::Uncertainty {
+    /// As the metadata of a table has it, with the standard error of the twist's scale.
+    pub(crate) fn of_table(&self, twist_scale: f64) -> tsa_table::Uncertainty {
         tsa_table::Uncertainty {
-            radius: self.radius as f32,
+            twist_scale: twist_scale as f32,
             gap_zero_m: self.gap_zero_m as f32,
             load_shape: self.load_shape as f32,
             rod_memory: self.rod_memory as f32,

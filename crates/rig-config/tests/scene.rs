@@ -170,14 +170,32 @@ fn uncertainty_reaches_the_table_and_linearity_the_control_code() {
     let text = default_text();
     let scene = Scene::from_toml_str(&text).unwrap();
     let constants = scene.constants();
-    assert_eq!(scene.table_spec().unwrap().uncertainty.numbers(), [0.03, 0.5e-3, 0.03, 0.12]);
+    let of_scale = |scene: &Scene| scene.twist_scale_error().unwrap() as f32;
+    assert_eq!(scene.table_spec().unwrap().uncertainty.numbers(), [of_scale(&scene), 0.5e-3, 0.03, 0.12]);
     assert!((constants.lvdt_linearity_m - 1e-3).abs() < 1e-9, "half a percent of 200 mm");
     let text = text.replace("adc_reference_v = 3.3", "adc_reference_v = 3.3\nlvdt_linearity = 0.0025");
     let text = format!("{text}\n[uncertainty]\nradius = 0.01\ngap_zero_m = 0.0002\n");
     let scene = Scene::from_toml_str(&text).unwrap();
     let constants = scene.constants();
-    assert_eq!(scene.table_spec().unwrap().uncertainty.numbers(), [0.01, 2e-4, 0.03, 0.12]);
+    let known = [of_scale(&scene), 2e-4, 0.03, 0.12];
+    assert!((3.0 * known[0] / of_scale(&Scene::from_toml_str(&default_text()).unwrap()) - 1.0).abs() < 1e-6);
+    assert_eq!(scene.table_spec().unwrap().uncertainty.numbers(), known);
     assert!((constants.lvdt_linearity_m - 0.5e-3).abs() < 1e-9);
+}
+
+#[test]
+fn a_twist_scaled_by_its_error_has_the_gap_of_strings_thicker_by_theirs() {
+    let scene = Scene::from_toml_str(&default_text()).unwrap();
+    let mut thicker = scene.clone();
+    thicker.string.diameter_m *= 1.0 + scene.uncertainty.radius;
+    let gap_m = |scene: &Scene, twist_rad: f64| scene.mechanism().unwrap().solve(4.0, twist_rad).unwrap().gap_m;
+    let twist_rad = twist_from_turns(3.75);
+    let change_m = gap_m(&thicker, twist_rad) - gap_m(&scene, twist_rad);
+    let scaled_m = gap_m(&scene, twist_rad * (1.0 + scene.twist_scale_error().unwrap())) - gap_m(&scene, twist_rad);
+    assert!((scaled_m / change_m - 1.0).abs() < 0.02, "{scaled_m} m instead of {change_m} m");
+    // The radius grows with the twist: a scale of the same size does too much.
+    let too_much_m = gap_m(&scene, twist_rad * (1.0 + scene.uncertainty.radius)) - gap_m(&scene, twist_rad);
+    assert!(too_much_m / change_m > 1.15, "{too_much_m} m");
 }
 
 #[test]

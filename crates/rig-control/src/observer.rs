@@ -351,7 +351,7 @@ mod tests {
 
     /// The same on rods that remember a load (N), of which a light one seems a fifth heavier.
     fn after(heaviest_n: f32, shape_error: f32) -> LoadObserver {
-        let known = Uncertainty { radius: 0.01, gap_zero_m: 1e-4, load_shape: shape_error, rod_memory: 0.2 };
+        let known = Uncertainty { twist_scale: 0.01, gap_zero_m: 1e-4, load_shape: shape_error, rod_memory: 0.2 };
         LoadObserver::new(&HOMED, &known, heaviest_n)
     }
 
@@ -379,7 +379,7 @@ mod tests {
 
     #[test]
     fn no_gap_shows_how_the_radius_depends_on_the_load_unless_the_operator_gave_a_weight() {
-        let known = Uncertainty { radius: 0.01, gap_zero_m: 1e-4, load_shape: 0.03, rod_memory: 0.0 };
+        let known = Uncertainty { twist_scale: 0.01, gap_zero_m: 1e-4, load_shape: 0.03, rod_memory: 0.0 };
         // By homing's own error (N): a load that was weighed, a weight that was given, and a load that is not known.
         for (homed_error_n, hidden_n) in [(0.5, 0.03 * 5.0), (0.04, 0.04 / NINETY_PERCENT), (8.0, 8.0 / NINETY_PERCENT)]
         {

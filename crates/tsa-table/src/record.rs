@@ -64,7 +64,7 @@ impl StoredTable {
             twist_max_rad: 0.0,
             contraction_error_m: 0.0,
             tr_relative_error: 0.0,
-            uncertainty: Uncertainty { radius: 0.5, gap_zero_m: 0.5, load_shape: 0.5, rod_memory: 0.5 },
+            uncertainty: Uncertainty { twist_scale: 0.5, gap_zero_m: 0.5, load_shape: 0.5, rod_memory: 0.5 },
             scene_hash: 0,
             generator_version: GENERATOR_VERSION,
         },
@@ -246,7 +246,7 @@ mod tests {
             |m: &mut Metadata| m.twist_min_rad = f32::NAN,
             |m: &mut Metadata| m.contraction_error_m = f32::NAN,
             |m: &mut Metadata| m.tr_relative_error = -1e-3,
-            |m: &mut Metadata| m.uncertainty.radius = 0.0,
+            |m: &mut Metadata| m.uncertainty.twist_scale = 0.0,
         ] {
             assert_eq!(changed(change), Err(RecordError::Range));
         }

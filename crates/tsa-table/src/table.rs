@@ -29,8 +29,9 @@ pub struct Metadata {
 /// knows the load.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Uncertainty {
-    /// Of the string radius (relative).
-    pub radius: f32,
+    /// Of the scale of the twist that makes good for an error of the string radius (relative); also of the exponent of the twist by
+    /// which the radius grows.
+    pub twist_scale: f32,
     /// Of the LVDT's zero beside the mechanism's gap (m).
     pub gap_zero_m: f32,
     /// Of how the radius depends on the load: error of a weighed load, and of a change of the load (relative).
@@ -42,15 +43,15 @@ pub struct Uncertainty {
 impl Uncertainty {
     /// The numbers in the order in which records, messages and the checksum have them.
     pub fn numbers(&self) -> [f32; 4] {
-        [self.radius, self.gap_zero_m, self.load_shape, self.rod_memory]
+        [self.twist_scale, self.gap_zero_m, self.load_shape, self.rod_memory]
     }
 
     /// From [`Self::numbers`]; `None` if one of them is not from 1e-6 to 0.5: nothing is known exactly, and the control
     /// code divides by them.
     pub fn from_numbers(numbers: [f32; 4]) -> Option<Self> {
-        let [radius, gap_zero_m, load_shape, rod_memory] = numbers;
+        let [twist_scale, gap_zero_m, load_shape, rod_memory] = numbers;
         let good = numbers.iter().all(|x| (0.99e-6..=0.5).contains(x));
-        good.then_some(Self { radius, gap_zero_m, load_shape, rod_memory })
+        good.then_some(Self { twist_scale, gap_zero_m, load_shape, rod_memory })
     }
 }
 
@@ -190,7 +191,7 @@ pub(crate) mod example {
         twist_max_rad: 60.0,
         contraction_error_m: 5e-6,
         tr_relative_error: 2e-3,
-        uncertainty: Uncertainty { radius: 0.01, gap_zero_m: 1e-4, load_shape: 0.02, rod_memory: 0.1 },
+        uncertainty: Uncertainty { twist_scale: 0.01, gap_zero_m: 1e-4, load_shape: 0.02, rod_memory: 0.1 },
         scene_hash: 0,
         generator_version: crate::GENERATOR_VERSION,
     };
@@ -212,7 +213,7 @@ mod tests {
     use super::*;
     use crate::arc::{Growth, Patch, Shape};
 
-    const KNOWN: Uncertainty = Uncertainty { radius: 0.01, gap_zero_m: 1e-4, load_shape: 0.02, rod_memory: 0.1 };
+    const KNOWN: Uncertainty = Uncertainty { twist_scale: 0.01, gap_zero_m: 1e-4, load_shape: 0.02, rod_memory: 0.1 };
     const PATCHES: [Patch; 2] =
         [Patch { load_max_n: 4.0, centre: [2.5, 0.01] }, Patch { load_max_n: 16.0, centre: [10.0, 0.01] }];
     /// G² = 0.01 − 0.1 (a − a₀) + 1e-4 (F − F₀) + …, twice.

@@ -61,6 +61,8 @@ pub(super) struct Effects<'a> {
     pub heaviest: &'a Column,
     /// Minimum and maximum gap of all columns (m).
     pub gaps_m: [f64; 2],
+    /// Standard error of the twist's scale, by the scene.
+    pub scale_error: f64,
 }
 
 impl Effects<'_> {
@@ -149,14 +151,14 @@ impl Effects<'_> {
     pub fn priors(&self) -> Priors {
         let (known, constants) = (&self.scene.uncertainty, self.scene.constants());
         let zero_m = known.gap_zero_m.hypot(constants.lvdt_reading_error_m().into());
-        Priors { radius: known.radius, zero_m, slope: constants.lvdt_slope_error().into() }
+        Priors { scale: self.scale_error, zero_m, slope: constants.lvdt_slope_error().into() }
     }
 
     /// Unknowns of the fit whose prior is wrong because the scene's constants are (`[uncertainty]`), and by how much. What the LVDT
     /// adds to its zero is an effect of its own.
     pub fn wrong_priors(&self) -> [(usize, f64); 3] {
         let known = &self.scene.uncertainty;
-        [(1, known.radius), (2, known.gap_zero_m), (4, known.radius)]
+        [(1, self.scale_error), (2, known.gap_zero_m), (4, self.scale_error)]
     }
 
     /// Every error that is no change of the gap.

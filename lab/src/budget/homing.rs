@@ -16,8 +16,8 @@ use tsa_model::PRETWIST_RAD;
 /// Standard errors of what homing takes from elsewhere.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Priors {
-    /// Of the string radius, relative.
-    pub radius: f64,
+    /// Of the scale of the twist, relative.
+    pub scale: f64,
     /// Of the LVDT's zero and its reading there (m).
     pub zero_m: f64,
     /// Of the LVDT's slope.
@@ -33,7 +33,7 @@ type Matrix = SMatrix<f64, UNKNOWNS, UNKNOWNS>;
 impl Priors {
     /// In the order of the unknowns; nothing else says the load.
     fn sigmas(&self) -> Vector {
-        Vector::from([f64::INFINITY, self.radius, self.zero_m, self.slope, self.radius])
+        Vector::from([f64::INFINITY, self.scale, self.zero_m, self.slope, self.scale])
     }
 }
 
@@ -160,7 +160,7 @@ mod tests {
 
     fn homing() -> (Column, Homing) {
         let column = Column::all(&scene()).unwrap().swap_remove(4);
-        let homing = Homing::new(&column, 0.1e-3, Priors { radius: 0.03, zero_m: 0.5e-3, slope: 0.0074 });
+        let homing = Homing::new(&column, 0.1e-3, Priors { scale: 0.03, zero_m: 0.5e-3, slope: 0.0074 });
         (column, homing)
     }
 
@@ -168,8 +168,8 @@ mod tests {
     #[test]
     fn another_load_is_found_and_leaves_nothing() {
         let (column, _) = homing();
-        let open = Priors { radius: 0.5, zero_m: 0.5, slope: 0.1 };
-        let sure = Homing::new(&column, 0.0, Priors { radius: 1e-6, zero_m: 1e-6, slope: 1e-6 });
+        let open = Priors { scale: 0.5, zero_m: 0.5, slope: 0.1 };
+        let sure = Homing::new(&column, 0.0, Priors { scale: 1e-6, zero_m: 1e-6, slope: 1e-6 });
         for homing in [Homing::new(&column, 0.0, open), sure] {
             let taken = homing.gap(&column.each(|s| 0.01 * s.load_n * s.by_load));
             assert!((taken.0 / 0.01 - 1.0).abs() < 0.02, "{}", taken.0);

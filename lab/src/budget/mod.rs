@@ -114,8 +114,9 @@ impl<'a> Budget<'a> {
         let columns = Column::all(scene)?;
         let gaps = || columns.iter().flat_map(|column| column.0.iter().map(|s| s.gap_m));
         let gaps_m = [gaps().fold(f64::INFINITY, f64::min), gaps().fold(0.0, f64::max)];
-        let heaviest = &columns[columns.len() - 1];
-        let under = columns.iter().map(|column| Under::new(&Effects { scene, rig, column, heaviest, gaps_m }));
+        let (heaviest, scale_error) = (&columns[columns.len() - 1], scene.twist_scale_error()?);
+        let effects = columns.iter().map(|column| Effects { scene, rig, column, heaviest, gaps_m, scale_error });
+        let under = effects.map(|effects| Under::new(&effects));
         Ok(Self { scene, under: under.collect() })
     }
 

@@ -242,10 +242,10 @@ impl LoadEstimate {
             matrix[unknown][unknown] += information * by;
             right[unknown] += information * missing;
         };
-        add(1, 1.0, (self.expected_scale - twist_scale) / twist_scale, uncertainty.radius);
+        add(1, 1.0, (self.expected_scale - twist_scale) / twist_scale, uncertainty.twist_scale);
         add(2, 1.0, -MM * offset_m, MM * self.zero_error_m);
         add(3, 1.0, -slope, self.slope_error);
-        add(4, 1.0, -growth, uncertainty.radius);
+        add(4, 1.0, -growth, uncertainty.twist_scale);
         if let LoadChoice::Known(given_n) = self.given {
             add(0, load_n, given_n - load_n, GIVEN_ERROR * given_n);
         }
@@ -284,10 +284,10 @@ impl LoadEstimate {
         }
         // How far radius, LVDT and residual are from what the scene says.
         let surprise = [
-            (twist_scale - self.expected_scale) / (uncertainty.radius * self.expected_scale),
+            (twist_scale - self.expected_scale) / (uncertainty.twist_scale * self.expected_scale),
             offset_m / self.zero_error_m,
             slope / self.slope_error,
-            growth / uncertainty.radius,
+            growth / uncertainty.twist_scale,
             residual_m / LAW_GAP_ERROR_M,
         ];
         let surprise = surprise.iter().map(|x| x * x).sum::<f32>();

@@ -33,7 +33,7 @@ fn observer() -> LoadObserver {
         covariance: [1e-6, 0.0, 0.0, 0.0, 0.0, 0.0],
         drive_lag_s: 0.01,
     };
-    let known = Uncertainty { radius: 0.01, gap_zero_m: 1e-4, load_shape: 0.03, rod_memory: 1e-6 };
+    let known = Uncertainty { twist_scale: 0.01, gap_zero_m: 1e-4, load_shape: 0.03, rod_memory: 1e-6 };
     LoadObserver::new(&homed, &known, 0.0)
 }
 

@@ -189,10 +189,10 @@ fn the_fit_ends_at_the_minimum_and_states_the_inverse_of_its_curvature() {
         });
         // What else is known: the scene's radius, zero and LVDT, a given weight.
         let mut known = std::vec![
-            (1, f64::from(uncertainty.radius), f64::from(at[1])),
+            (1, f64::from(uncertainty.twist_scale), f64::from(at[1])),
             (2, f64::from(1e3 * libm::hypotf(uncertainty.gap_zero_m, RIG.lvdt_reading_error_m())), f64::from(at[2])),
             (3, f64::from(RIG.lvdt_slope_error()), f64::from(at[3])),
-            (4, f64::from(uncertainty.radius), f64::from(at[4])),
+            (4, f64::from(uncertainty.twist_scale), f64::from(at[4])),
         ];
         if let LoadChoice::Known(given_n) = given {
             known.push((0, f64::from(GIVEN_ERROR * given_n / load_n), f64::from((load_n - given_n) / load_n)));
@@ -317,7 +317,7 @@ fn a_load_on_rods_that_remember_a_heavier_one_is_lighter_than_it_seems_unless_it
 /// Rig and scene contradict each other: the load is unknown, unless the operator says it.
 #[test]
 fn a_surprise_that_is_too_large_leaves_the_load_unknown() {
-    let radius = table().metadata.uncertainty.radius;
+    let radius = table().metadata.uncertainty.twist_scale;
     for (sigmas, contradicts) in [(0.99, false), (1.01, true)].map(|(x, c)| (x * libm::sqrtf(MAX_SURPRISE), c)) {
         for (unknowns, residual_m) in [
             (EXPECTED, sigmas * LAW_GAP_ERROR_M),
