@@ -2,19 +2,22 @@
 
 use crate::rigs::commission::{Firmware, commission};
 use crate::rigs::subject::Subject;
+use crate::scene;
 use crate::study::{Rigs, Sorted, Study, each, shown};
 use rig_link::messages::Doubt;
-use rig_plant::RigPreset;
 use rig_plant::trial::{Moment, Stated, Trial};
 use rig_plant::units::STANDARD_GRAVITY;
+use rig_plant::{PlantKey, RigPreset};
 use std::collections::BTreeMap;
 
 /// Kinds of rigs.
 pub const KINDS: [RigPreset; 2] = [RigPreset::Nominal, RigPreset::Hard];
 /// Classes of loads, and the load (kg) that each ends at.
 const CLASSES: [(&str, f64); 3] = [("light", 0.3), ("middle", 0.9), ("heavy", f64::INFINITY)];
-/// How many rigs of each kind as built, and how many of the first of these also calibrated.
+/// How many rigs of each kind as built; how many of the first of these also with their own LVDT's data sheet, where it is not the
+/// scene's; and how many also calibrated.
 const AS_BUILT: u64 = 5000;
+const OWN_LVDT: usize = 2000;
 const CALIBRATED: usize = 100;
 
 /// Seed of the first rig. The homing's standard errors were chosen on seeds below.
@@ -105,9 +108,47 @@ impl Warnings {
 /// Load, as a fraction of it, and position (m).
 type Covers = [Cover; 2];
 
+/// What the board knows of the rig.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Known {
+    /// The default scene.
+    AsBuilt,
+    /// The same with the linearity of this rig's LVDT.
+    OwnLvdt,
+    /// What the six commands of calibration find.
+    Calibrated,
+}
+
+impl Known {
+    fn name(self) -> &'static str {
+        match self {
+            Self::AsBuilt => "as built",
+            Self::OwnLvdt => "as built, own LVDT in the scene",
+            Self::Calibrated => "calibrated",
+        }
+    }
+
+    fn firmware(self, trial: &Trial) -> Firmware {
+        let mut firmware = Firmware::as_built();
+        match self {
+            Self::AsBuilt => firmware,
+            Self::OwnLvdt => {
+                firmware.constants.lvdt_linearity_m = (linearity(trial.kind) * scene().rig.lvdt_stroke_m) as f32;
+                firmware
+            }
+            Self::Calibrated => commission(&subject(trial), false).0,
+        }
+    }
+}
+
+/// Linearity of the LVDT of this kind of rig by its data sheet, as a fraction of the stroke.
+fn linearity(kind: RigPreset) -> f64 {
+    kind.extreme(PlantKey::LvdtNonlinearity, 1.0).map_or(0.0, |largest| largest.value)
+}
+
 /// One try of a rig.
 struct Tried {
-    calibrated: bool,
+    known: Known,
     trial: Trial,
     stated: Vec<Stated>,
     why: String,
@@ -120,11 +161,10 @@ fn subject(trial: &Trial) -> Subject {
     subject
 }
 
-fn tried(kind: RigPreset, seed: u64, calibrated: bool) -> Tried {
+fn tried(kind: RigPreset, seed: u64, known: Known) -> Tried {
     let trial = Trial::new(kind, seed);
-    let firmware = if calibrated { commission(&subject(&trial), false).0 } else { Firmware::as_built() };
-    let (stated, why) = trial.run(firmware.boot());
-    Tried { calibrated, trial, stated, why }
+    let (stated, why) = trial.run(known.firmware(&trial).boot());
+    Tried { known, trial, stated, why }
 }
 
 /// Name of the class of a load (N).
@@ -137,24 +177,27 @@ pub fn study(rigs: &Rigs) -> Study {
     let mut items = Vec::new();
     let rigs = Rigs { seed: rigs.seed.or(Some(FIRST_SEED)), ..rigs.clone() };
     for kind in KINDS.into_iter().filter(|kind| rigs.wants(*kind)) {
-        let as_built = rigs.seeds(AS_BUILT);
-        let calibrated = as_built.clone().take(CALIBRATED);
-        items.extend(as_built.map(|seed| (kind, seed, false)).chain(calibrated.map(|seed| (kind, seed, true))));
+        let own_lvdt = if linearity(kind) == scene().rig.lvdt_linearity { 0 } else { OWN_LVDT };
+        for (known, count) in
+            [(Known::AsBuilt, usize::MAX), (Known::OwnLvdt, own_lvdt), (Known::Calibrated, CALIBRATED)]
+        {
+            items.extend(rigs.seeds(AS_BUILT).take(count).map(|seed| (kind, seed, known)));
+        }
     }
-    let all = each(rigs.jobs, &items, |(kind, seed, calibrated)| tried(*kind, *seed, *calibrated));
+    let all = each(rigs.jobs, &items, |(kind, seed, known)| tried(*kind, *seed, *known));
     table(&all)
 }
 
 fn table(all: &[Tried]) -> Study {
-    let mut covers: BTreeMap<(u8, bool, bool, usize), Covers> = BTreeMap::new();
+    let mut covers: BTreeMap<(u8, Known, bool, usize), Covers> = BTreeMap::new();
     let mut reasons: BTreeMap<String, usize> = BTreeMap::new();
-    let mut warnings: BTreeMap<(u8, bool), Warnings> = BTreeMap::new();
-    for Tried { calibrated, trial, stated, why } in all {
+    let mut warnings: BTreeMap<(u8, Known), Warnings> = BTreeMap::new();
+    for Tried { known, trial, stated, why } in all {
         for s in stated {
             let changed = matches!(s.moment, Moment::Changed | Moment::Moved);
-            let key = (trial.kind as u8, *calibrated, changed, class(s.true_load_n));
+            let key = (trial.kind as u8, *known, changed, class(s.true_load_n));
             let [load, position] = covers.entry(key).or_default();
-            warnings.entry((trial.kind as u8, *calibrated)).or_default().add(s);
+            warnings.entry((trial.kind as u8, *known)).or_default().add(s);
             let relative = s.load_n.map(|load_n| f64::from(load_n) / s.true_load_n - 1.0);
             load.add(s.holds_load(), s.load_error_n.map(|error_n| error_n / s.true_load_n as f32), relative);
             let error_m = s.position_m.map(|position_m| f64::from(position_m) - s.true_position_m);
@@ -168,11 +211,11 @@ fn table(all: &[Tried]) -> Study {
     }
     let head = ["rig", "load", "looked at", "load held by its error", "stated; true, % of the load"];
     let mut study = Study::new(head.into_iter().chain(["position held by its error", "stated; true, µm"]));
-    let state = |calibrated: &bool| if *calibrated { "calibrated" } else { "as built" };
-    for ((kind, calibrated, changed, class), [load, position]) in &covers {
-        let (kind, state) = (RigPreset::ALL[usize::from(*kind)], state(calibrated));
+    for ((kind, known, changed, class), [load, position]) in &covers {
+        let (kind, state) = (RigPreset::ALL[usize::from(*kind)], known.name());
         let (load_class, when) = (CLASSES[*class].0, if *changed { "another load" } else { "homed load" });
-        let name = format!("{kind}_{}_{}_{load_class}", state.replace(' ', "_"), when.replace(' ', "_"));
+        let name =
+            format!("{kind}_{}_{}_{load_class}", state.replace(", ", "_").replace(' ', "_"), when.replace(' ', "_"));
         study.value(format!("{name}_load"), Some(load.fraction()).filter(|x| x.is_finite()));
         study.value(format!("{name}_position"), Some(position.fraction()).filter(|x| x.is_finite()));
         study.row([
@@ -185,11 +228,11 @@ fn table(all: &[Tried]) -> Study {
             position.widths(1e6, 0),
         ]);
     }
-    let of = |calibrated: bool| all.iter().filter(|tried| tried.calibrated == calibrated).count();
-    study.value("rigs_as_built", of(false) as f64);
-    study.value("rigs_calibrated", of(true) as f64);
-    let warned = warnings.iter().map(|((kind, calibrated), warnings)| {
-        format!("{}, {}: {}", RigPreset::ALL[usize::from(*kind)], state(calibrated), warnings.text())
+    let of = |known: Known| all.iter().filter(|tried| tried.known == known).count();
+    study.value("rigs_as_built", of(Known::AsBuilt) as f64);
+    study.value("rigs_calibrated", of(Known::Calibrated) as f64);
+    let warned = warnings.iter().map(|((kind, known), warnings)| {
+        format!("{}, {}: {}", RigPreset::ALL[usize::from(*kind)], known.name(), warnings.text())
     });
     let warned: Vec<String> = warned.collect();
     let reasons: Vec<String> = reasons.iter().map(|(why, count)| format!("{count} at \"{why}\"")).collect();
@@ -198,11 +241,13 @@ fn table(all: &[Tried]) -> Study {
             "How often the stated 90 % error holds the truth, with the 90 % interval of that fraction; median of the stated \
              and 90th percentile of the true error. Light is below 0.3 kg, heavy from 0.9 kg. \"Homed load\" is after homing and \
              after a move; \"another load\" is 5 s after it was hung on, and after two moves. Half of the rigs have worked under \
-             another load before. The presets have the scene's constants; here the zero of each LVDT, which is measured with callipers, \
+             another load before. The scene's data sheet of the LVDT is that of hard rigs; \"own LVDT in the scene\" has {} % of the stroke \
+             for its linearity. The presets have the scene's constants; here the zero of each LVDT, which is measured with callipers, \
              and the radius of the strings, which nobody has identified, are off by as much as the scene's [uncertainty] says: {} mm \
              and {} % (rms).",
-            1e3 * crate::scene().uncertainty.gap_zero_m,
-            100.0 * crate::scene().uncertainty.radius,
+            100.0 * linearity(RigPreset::Nominal),
+            1e3 * scene().uncertainty.gap_zero_m,
+            100.0 * scene().uncertainty.radius,
         ),
         format!(
             "The doubt `load-unknown` was shown for so many of the loads that were off by more than {:.0} %, and of the others; \
@@ -212,8 +257,8 @@ fn table(all: &[Tried]) -> Study {
         ),
         format!(
             "{} rigs as built and {} calibrated. Trials that ended early: {}.",
-            of(false),
-            of(true),
+            of(Known::AsBuilt),
+            of(Known::Calibrated),
             if reasons.is_empty() { "none".into() } else { reasons.join(", ") }
         ),
     ];
@@ -223,7 +268,6 @@ fn table(all: &[Tried]) -> Study {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use rig_plant::PlantKey;
 
     fn stated(moment: Moment, true_load_n: f64, load_n: f32, error_n: f32, doubts: &str) -> Stated {
         Stated {
@@ -247,6 +291,17 @@ mod tests {
     }
 
     #[test]
+    fn a_rig_is_tried_with_the_linearity_that_its_kind_has() {
+        let linearity_m = |known: Known, kind| known.firmware(&Trial::new(kind, 3)).constants.lvdt_linearity_m;
+        let [as_built_m, nominal_m, hard_m] = [
+            linearity_m(Known::AsBuilt, RigPreset::Nominal),
+            linearity_m(Known::OwnLvdt, RigPreset::Nominal),
+            linearity_m(Known::OwnLvdt, RigPreset::Hard),
+        ];
+        assert_eq!((as_built_m, nominal_m, hard_m), (1e-3, 0.5e-3, 1e-3));
+    }
+
+    #[test]
     fn a_fraction_has_the_interval_of_its_count() {
         let mut cover = Cover::default();
         (0..100).for_each(|k| cover.add(Some(k < 90), Some(1.0), Some(0.5)));
@@ -262,7 +317,7 @@ mod tests {
     fn rows_are_by_rig_load_and_moment_and_what_ended_early_is_counted() {
         let trial = Trial::new(RigPreset::Hard, 1);
         let all = [Tried {
-            calibrated: false,
+            known: Known::AsBuilt,
             trial,
             stated: vec![stated(Moment::Homed, 5.0, 5.4, 0.5, ""), stated(Moment::Changed, 12.0, 13.0, 0.5, "")],
             why: "move to 4.0 mm: refused".into(),
