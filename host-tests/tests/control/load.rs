@@ -4,10 +4,12 @@
 use super::{Keys, homed, load_error, load_n, track};
 use host_tests::ControlBench;
 use host_tests::load_changes::homed_under;
+use host_tests::rigs::commission::Firmware;
 use host_tests::rigs::subject::Subject;
 use rig_config::Uncertainty;
 use rig_control::hysteresis::RodMemory;
 use rig_link::messages::{Doubt, Doubts, Fault, LoadChoice, Refusal, Request, State};
+use rig_plant::trial::{Stated, Trial};
 use rig_plant::{RigFault, RigPreset};
 
 /// Constants 10 % off, one at a time and all together, with twice the usual friction.
@@ -207,6 +209,18 @@ fn a_sensor_or_strings_far_from_the_scene_leave_the_load_unknown() {
 
 /// The scale of the twist that homing found under 0.3 kg does not fit under 1.4 kg. On these rigs the firmware took that
 /// for a string that had slipped, and stopped.
+/// Radius and zero are off as the scene says, and the sum of the squares of what homing finds of them is beyond 5 in one of ten.
+#[test]
+fn what_the_scene_says_itself_is_no_contradiction_to_it() {
+    let trials = (0..60u64).map(|seed| Trial::new(RigPreset::Nominal, 2000 + seed));
+    let homed: Vec<_> =
+        trials.filter_map(|trial| trial.run(Firmware::as_built().boot()).0.into_iter().next()).collect();
+    let is_unknown =
+        |stated: &&Stated| stated.load_error_n.zip(stated.load_n).is_none_or(|(error_n, load_n)| error_n > load_n);
+    let unknown = homed.iter().filter(is_unknown).count();
+    assert!(homed.len() >= 58 && unknown <= 1, "{unknown} of {} are unknown", homed.len());
+}
+
 #[test]
 fn a_load_much_heavier_than_the_homed_one_is_no_fault() {
     for seed in [73, 87] {

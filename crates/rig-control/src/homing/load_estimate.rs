@@ -31,8 +31,9 @@ pub const MIN_GAP_ERROR_M: f32 = 0.1 * LVDT_COUNT_M;
 /// Residual (m, rms) that a rig of the scene's kind may leave: the radius laws of docs/explanation/model.md 6 differ by less.
 pub const LAW_GAP_ERROR_M: f32 = 0.2e-3;
 /// Maximum sum of squares of what the fit finds, each as a multiple of its standard error by the scene. Beyond it, rig and
-/// scene contradict each other, and the load is unknown: of 300 nominal and hard rigs, one is beyond it.
-const MAX_SURPRISE: f32 = 5.0;
+/// scene contradict each other, and the load is unknown: of a hundred nominal rigs whose radius and LVDT are off as the scene says,
+/// one is beyond it.
+const MAX_SURPRISE: f32 = 7.0;
 /// Standard error of a weight that the operator gives, as a fraction of it.
 const GIVEN_ERROR: f32 = 0.005;
 /// Maximum change in a step of the logarithm of the load, and of that of the scale.
