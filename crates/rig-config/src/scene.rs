@@ -148,7 +148,7 @@ impl Scene {
         Ok(TableSpec { load_n: envelope.load_n, twist_max_rad, accuracy, uncertainty, scene_hash: self.hash() })
     }
 
-    /// Standard error (relative) of the scale of the twist that makes good for an error of the string radius, in the middle of the
+    /// Standard error (relative) of the scale of the twist that compensates an error of the string radius, in the middle of the
     /// envelope. The radius grows with the twist: a twist that is scaled by s has an arc θ r that is scaled by s to the power
     /// (∂(θ r)/∂θ)/r.
     ///

@@ -29,7 +29,7 @@ pub struct Metadata {
 /// knows the load.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Uncertainty {
-    /// Of the scale of the twist that makes good for an error of the string radius (relative); also of the exponent of the twist by
+    /// Of the scale of the twist that compensates an error of the string radius (relative), and of the exponent of the twist by
     /// which the radius grows.
     pub twist_scale: f32,
     /// Of the LVDT's zero beside the mechanism's gap (m).

@@ -325,7 +325,7 @@ impl LoadEstimate {
         let scale = of_scale(1) + scale_by_growth * of_scale(4);
         // The fit counts the slope from the middle of the gaps, and gaps in millimetres.
         let middle_m = self.middle_m;
-        let [constant, both, slope] = [1e-6 * covariance[2][2], 1e-3 * covariance[3][2], covariance[3][3]];
+        let [constant, constant_slope, slope] = [1e-6 * covariance[2][2], 1e-3 * covariance[3][2], covariance[3][3]];
         Ok(Weighed {
             apparent_n,
             load_n,
@@ -338,9 +338,9 @@ impl LoadEstimate {
             covariance: [
                 scale,
                 1e-3 * of_scale(2) - middle_m * of_scale(3),
-                constant - middle_m * (2.0 * both - middle_m * slope),
+                constant - middle_m * (2.0 * constant_slope - middle_m * slope),
                 of_scale(3),
-                both - middle_m * slope,
+                constant_slope - middle_m * slope,
                 slope,
             ],
         })

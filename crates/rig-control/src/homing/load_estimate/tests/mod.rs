@@ -317,14 +317,14 @@ fn a_load_on_rods_that_remember_a_heavier_one_is_lighter_than_it_seems_unless_it
 /// Rig and scene contradict each other: the load is unknown, unless the operator says it.
 #[test]
 fn a_surprise_that_is_too_large_leaves_the_load_unknown() {
-    let radius = table().metadata.uncertainty.twist_scale;
+    let scale = table().metadata.uncertainty.twist_scale;
     for (sigmas, contradicts) in [(0.99, false), (1.01, true)].map(|(x, c)| (x * libm::sqrtf(MAX_SURPRISE), c)) {
         for (unknowns, residual_m) in [
             (EXPECTED, sigmas * LAW_GAP_ERROR_M),
-            (Unknowns { twist_scale: 1.0 + sigmas * radius, ..EXPECTED }, 0.0),
+            (Unknowns { twist_scale: 1.0 + sigmas * scale, ..EXPECTED }, 0.0),
             (Unknowns { offset_m: -sigmas * ZERO_ERROR_M, ..EXPECTED }, 0.0),
             (Unknowns { slope: sigmas * RIG.lvdt_slope_error(), ..EXPECTED }, 0.0),
-            (Unknowns { growth: -sigmas * radius, ..EXPECTED }, 0.0),
+            (Unknowns { growth: -sigmas * scale, ..EXPECTED }, 0.0),
         ] {
             let found = |given| result(unknowns, given, 5.0, residual_m).expect("a load").load_sigma_n;
             assert_eq!(found(LoadChoice::Auto) == 5.0, contradicts, "{sigmas} {unknowns:?}");
