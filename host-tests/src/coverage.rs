@@ -204,8 +204,8 @@ fn table(all: &[Tried]) -> Study {
             position.add(s.holds_position(), s.position_error_m, error_m);
         }
         if !why.is_empty() {
-            // Numbers in a reason would make each of them its own.
-            let what = why.split(|c: char| c == ':' || c == '-' || c.is_ascii_digit()).next().unwrap_or_default();
+            // With its numbers each reason would be one of its own.
+            let what = why.split(|c: char| c.is_ascii_digit()).next().unwrap_or_default();
             *reasons.entry(what.trim().to_owned()).or_default() += 1;
         }
     }
