@@ -2,7 +2,7 @@
 //!
 //! The gap's curve over the twist alone cannot tell a heavier load from a thinner string or from another zero of the
 //! LVDT. So the fit has three sources, each weighted by its own error: the curve, by the residual that it leaves on this very
-//! rig; what the scene says of string radius and LVDT, by the scene's uncertainty; and the operator's weight, if one was given.
+//! rig and by what the scene's mechanism may miss; what the scene says of string radius and LVDT, by the scene's uncertainty; and the operator's weight, if one was given.
 //! The motor's current is no source: on emulated plants of every kind the estimate is as good without it. Two errors that no
 //! rig is without are unknowns of the fit, or they would be taken for another load: a slope of the LVDT, and a radius that grows
 //! faster or slower with the twist than the table's. Friction is half of what the ways up and down differ by. One Gauss–Newton
@@ -109,6 +109,8 @@ pub(super) struct LoadEstimate {
     middle_m: f32,
     zero_error_m: f32,
     slope_error: f32,
+    /// By how much the scene's mechanism may miss the gaps of this sweep (m, rms).
+    law_error_m: f32,
     /// Scale of the twist that is expected: the table's, or that of these strings before.
     expected_scale: f32,
     steps: u8,
@@ -124,6 +126,7 @@ impl LoadEstimate {
             middle_m: 0.0,
             zero_error_m: 0.0,
             slope_error: 0.0,
+            law_error_m: 0.0,
             friction_n: 0.0,
             given,
             heaviest_n,
@@ -147,10 +150,24 @@ impl LoadEstimate {
         self.slope_error = rig.lvdt_slope_error();
         let (sum_m, count) = self.pairs().fold((0.0, 0.0f32), |(sum_m, count), pair| (sum_m + pair.gap_m, count + 1.0));
         self.middle_m = sum_m / count.max(1.0);
+        let middle_n = libm::sqrtf(m.load_min_n * m.load_max_n);
+        self.law_error_m = self.law_error_m(table, middle_n);
         self.unknowns.load_n = match self.given {
             LoadChoice::Known(given_n) => given_n.clamp(m.load_min_n, m.load_max_n),
-            LoadChoice::Auto => libm::sqrtf(m.load_min_n * m.load_max_n),
+            LoadChoice::Auto => middle_n,
         };
+    }
+
+    /// By how much the mechanism may miss the gaps of the sweep (m, rms): as much as a load (N) changes them that is wrong by
+    /// `load_shape`. How far it opens the gap is nearly linear over the sweep, so that the rms about the mean is 1/√12 of the
+    /// difference between the ends.
+    fn law_error_m(&self, table: &Table<'_>, load_n: f32) -> f32 {
+        let mechanism = self.mechanism(*table);
+        let by_load_m = |pair: Option<Pair>| {
+            pair.map_or(0.0, |pair| load_n * mechanism.at(load_n, pair.twist_rad).dgap_dload_m_per_n)
+        };
+        let [first_m, last_m] = [self.pairs().next(), self.pairs().last()].map(by_load_m);
+        table.metadata.uncertainty.load_shape * (last_m - first_m).abs() / libm::sqrtf(12.0)
     }
 
     fn pair(&self, i: usize) -> Option<Pair> {
@@ -235,7 +252,7 @@ impl LoadEstimate {
         }
         let scale_by_growth = matrix[4][1] / matrix[1][1].max(f32::MIN_POSITIVE);
         let residual_mm = libm::sqrtf(squares / n);
-        let gap_error_mm = residual_mm.max(MM * MIN_GAP_ERROR_M);
+        let gap_error_mm = libm::hypotf(residual_mm, MM * self.law_error_m).max(MM * MIN_GAP_ERROR_M);
         let weight = 1.0 / (gap_error_mm * gap_error_mm);
         right.iter_mut().chain(matrix.iter_mut().flatten()).for_each(|x| *x *= weight);
         let mut add = |unknown: usize, by: f32, missing: f32, sigma: f32| {

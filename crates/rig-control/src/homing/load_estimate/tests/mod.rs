@@ -59,11 +59,15 @@ impl Swept {
 }
 
 fn fitted(load_estimate: &mut LoadEstimate) -> Result<Weighed, HomingFailure> {
-    load_estimate.begin_fit(table(), &RIG);
+    fitted_by(load_estimate, table())
+}
+
+fn fitted_by(load_estimate: &mut LoadEstimate, table: &Table<'_>) -> Result<Weighed, HomingFailure> {
+    load_estimate.begin_fit(table, &RIG);
     for _ in 1..STEPS {
-        assert!(load_estimate.fit_step(table())?.is_none());
+        assert!(load_estimate.fit_step(table)?.is_none());
     }
-    load_estimate.fit_step(table()).map(|found| found.expect("the last step"))
+    load_estimate.fit_step(table).map(|found| found.expect("the last step"))
 }
 
 #[track_caller]
@@ -178,7 +182,8 @@ fn the_fit_ends_at_the_minimum_and_states_the_inverse_of_its_curvature() {
         let left = residuals(&load_estimate, at);
         let residual_mm = (left.iter().map(|r| r * r).sum::<f64>() / left.len() as f64).sqrt();
         assert!(residual_mm > 5e-3, "above the minimum error of a bin: {residual_mm}");
-        let weight = 1.0 / (residual_mm * residual_mm);
+        let law_error_mm = 1e3 * f64::from(load_estimate.law_error_m);
+        let weight = 1.0 / (residual_mm * residual_mm + law_error_mm * law_error_mm);
         // Derivatives of the residuals by differences.
         const STEP: f32 = 4e-3;
         let derivatives: [std::vec::Vec<f64>; UNKNOWNS] = core::array::from_fn(|unknown| {
@@ -230,6 +235,47 @@ fn the_fit_ends_at_the_minimum_and_states_the_inverse_of_its_curvature() {
         near(slope, inverse[3][3], 0.02);
         let shape = if given == LoadChoice::Auto { uncertainty.load_shape } else { 0.0 };
         near(found.load_sigma_n, load_n * libm::sqrtf(inverse[0][0] + shape * shape), 0.02);
+    }
+}
+
+/// What the scene's mechanism may miss is what a load that is wrong by `load_shape` changes, about the mean of the sweep.
+#[test]
+fn the_mechanism_may_miss_what_a_load_that_is_wrong_by_load_shape_changes() {
+    let mut load_estimate = SWEPT.recorded(LoadChoice::Auto, 1.0);
+    load_estimate.begin_fit(table(), &RIG);
+    let m = &table().metadata;
+    let shape = f64::from(m.uncertainty.load_shape);
+    let load_n = f64::from(m.load_min_n * m.load_max_n).sqrt();
+    let gap_m =
+        |fraction: f64, pair: &Pair| f64::from(table().point_inside((load_n * fraction) as f32, pair.twist_rad).gap_m);
+    let changes_m: std::vec::Vec<f64> =
+        load_estimate.pairs().map(|pair| 0.5 * (gap_m(1.0 + shape, &pair) - gap_m(1.0 - shape, &pair))).collect();
+    let count = changes_m.len() as f64;
+    let mean_m = changes_m.iter().sum::<f64>() / count;
+    let rms_m = (changes_m.iter().map(|x| (x - mean_m) * (x - mean_m)).sum::<f64>() / count).sqrt();
+    near(load_estimate.law_error_m, rms_m as f32, 0.15);
+}
+
+/// The scene of an identified rig knows radius and zero well, and how much its law misses. Gaps that are beside the table by as
+/// much do not contradict it.
+#[test]
+fn what_the_scene_says_that_its_law_misses_does_not_contradict_it() {
+    let uncertainty = Uncertainty { twist_scale: 0.004, gap_zero_m: 1e-4, load_shape: 0.06, rod_memory: 0.0 };
+    let mut identified = *table();
+    identified.metadata.uncertainty = uncertainty;
+    for load_n in [2.0, 4.0, 8.0] {
+        for beside_m in
+            [|twist_rad: f32| 5e-5 * libm::cosf(0.1 * twist_rad), |twist_rad: f32| 5e-5 * libm::sinf(0.1 * twist_rad)]
+        {
+            let mut load_estimate = Swept { load_n, beside_m, ..SWEPT }.recorded(LoadChoice::Auto, 1.0);
+            let found = fitted_by(&mut load_estimate, &identified).expect("a load");
+            let error_n = super::super::NINETY_PERCENT * found.load_sigma_n;
+            assert!(
+                (found.load_n - load_n).abs() < error_n && error_n < 0.15 * load_n,
+                "{load_n} N: {} ± {error_n} N",
+                found.load_n
+            );
+        }
     }
 }
 
@@ -424,13 +470,7 @@ fn a_wrong_slope_and_a_radius_of_another_growth_are_not_taken_for_another_load()
     }
     for beside_m in [slope as fn(f32) -> f32, growth] {
         let swept = Swept { load_n: 2.0, beside_m, ..SWEPT };
-        let mut load_estimate = swept.recorded(LoadChoice::Auto, 1.0);
-        load_estimate.begin_fit(table(), &RIG);
-        let mut found = None;
-        for _ in 0..STEPS {
-            found = load_estimate.fit_step(table()).expect("a load");
-        }
-        let found = found.expect("the last step");
+        let found = fitted(&mut swept.recorded(LoadChoice::Auto, 1.0)).expect("a load");
         let error_n = super::super::NINETY_PERCENT * found.load_sigma_n;
         assert!((found.load_n - 2.0).abs() < 0.5 * error_n && error_n < 0.3 * 2.0, "{} ± {error_n} N", found.load_n);
         // At the homed load gap and slope are those that this rig showed.
