@@ -63,6 +63,8 @@ pub(super) struct Effects<'a> {
     pub gaps_m: [f64; 2],
     /// Standard error of the twist's scale, by the scene.
     pub scale_error: f64,
+    /// By how much the scene's mechanism may miss the gaps of a homing's sweep (m, rms).
+    pub law_error_m: f64,
 }
 
 impl Effects<'_> {
@@ -151,7 +153,7 @@ impl Effects<'_> {
     pub fn priors(&self) -> Priors {
         let (known, constants) = (&self.scene.uncertainty, self.scene.constants());
         let zero_m = known.gap_zero_m.hypot(constants.lvdt_reading_error_m().into());
-        Priors { scale: self.scale_error, zero_m, slope: constants.lvdt_slope_error().into() }
+        Priors { scale: self.scale_error, zero_m, slope: constants.lvdt_slope_error().into(), law_m: self.law_error_m }
     }
 
     /// Unknowns of the fit whose prior is wrong because the scene's constants are (`[uncertainty]`), and by how much. What the LVDT

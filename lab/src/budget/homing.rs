@@ -22,6 +22,8 @@ pub(super) struct Priors {
     pub zero_m: f64,
     /// Of the LVDT's slope.
     pub slope: f64,
+    /// By how much the mechanism may miss the gaps of the sweep (m, rms).
+    pub law_m: f64,
 }
 
 /// The unknowns, in the firmware's order: logarithm of the load, that of the scale, zero (m), slope of the LVDT, exponent by
@@ -61,13 +63,7 @@ impl Homing {
     /// Under the load of a column, with a residual (m, rms) of the law on this rig.
     pub fn new(column: &Column, residual_m: f64, priors: Priors) -> Self {
         let states = &column.0;
-        let last_rad = states[states.len() - 1].twist_rad;
-        let sweep_rad = (TAU * f64::from(LOAD_TURNS)).min(last_rad - PRETWIST_RAD);
-        let edge = load_estimate::END_BINS as f64 / load_estimate::BINS as f64;
-        let used = [edge, 1.0 - edge].map(|fraction| PRETWIST_RAD + fraction * sweep_rad);
-        let inside = |k: &usize| (used[0]..=used[1]).contains(&states[*k].twist_rad);
-        let first = (0..states.len()).find(inside).unwrap_or(0);
-        let last = (0..states.len()).rfind(inside).unwrap_or(states.len() - 1);
+        let [first, last] = Self::ends(column);
         let [from, to] = [first, last].map(|k| states[k].twist_rad);
         let middle_m = states[first..=last].iter().map(|s| s.gap_m).sum::<f64>() / (last - first + 1) as f64;
         let by = |s: &State| {
@@ -77,7 +73,7 @@ impl Homing {
         };
         let jacobian: Vec<Vector> = states.iter().map(by).collect();
         let place = |twist_rad: f64| (2.0 * (twist_rad - from) / (to - from) - 1.0).clamp(-1.0, 1.0);
-        let error_m = residual_m.max(f64::from(load_estimate::MIN_GAP_ERROR_M));
+        let error_m = residual_m.hypot(priors.law_m).max(f64::from(load_estimate::MIN_GAP_ERROR_M));
         let bins = load_estimate::BINS - 2 * load_estimate::END_BINS;
         let weight = bins as f64 / ((last - first + 1) as f64 * error_m * error_m);
         let known = priors.sigmas().map(|sigma| 1.0 / (sigma * sigma));
@@ -92,6 +88,24 @@ impl Homing {
             inverse: (seen + Matrix::from_diagonal(&known)).lu().try_inverse().unwrap_or_default(),
             priors,
         }
+    }
+
+    /// First and last state of the sweep that is weighed.
+    fn ends(column: &Column) -> [usize; 2] {
+        let states = &column.0;
+        let last_rad = states[states.len() - 1].twist_rad;
+        let sweep_rad = (TAU * f64::from(LOAD_TURNS)).min(last_rad - PRETWIST_RAD);
+        let edge = load_estimate::END_BINS as f64 / load_estimate::BINS as f64;
+        let used = [edge, 1.0 - edge].map(|fraction| PRETWIST_RAD + fraction * sweep_rad);
+        let inside = |k: &usize| (used[0]..=used[1]).contains(&states[*k].twist_rad);
+        [(0..states.len()).find(inside).unwrap_or(0), (0..states.len()).rfind(inside).unwrap_or(states.len() - 1)]
+    }
+
+    /// By how much a mechanism with this `load_shape` may miss the gaps of the sweep (m, rms), as the firmware takes it: from the
+    /// column of the load in the middle of the table.
+    pub fn law_error_m(column: &Column, load_shape: f64) -> f64 {
+        let [first_m, last_m] = Self::ends(column).map(|k| column.0[k].load_n * column.0[k].by_load);
+        load_shape * (last_m - first_m).abs() / 12.0f64.sqrt()
     }
 
     /// A gap that differs by `change_m` at each state.
@@ -160,7 +174,7 @@ mod tests {
 
     fn homing() -> (Column, Homing) {
         let column = Column::all(&scene()).unwrap().swap_remove(4);
-        let homing = Homing::new(&column, 0.1e-3, Priors { scale: 0.03, zero_m: 0.5e-3, slope: 0.0074 });
+        let homing = Homing::new(&column, 0.1e-3, Priors { scale: 0.03, zero_m: 0.5e-3, slope: 0.0074, law_m: 0.0 });
         (column, homing)
     }
 
@@ -168,13 +182,28 @@ mod tests {
     #[test]
     fn another_load_is_found_and_leaves_nothing() {
         let (column, _) = homing();
-        let open = Priors { scale: 0.5, zero_m: 0.5, slope: 0.1 };
-        let sure = Homing::new(&column, 0.0, Priors { scale: 1e-6, zero_m: 1e-6, slope: 1e-6 });
+        let open = Priors { scale: 0.5, zero_m: 0.5, slope: 0.1, law_m: 0.0 };
+        let sure = Homing::new(&column, 0.0, Priors { scale: 1e-6, zero_m: 1e-6, slope: 1e-6, law_m: 0.0 });
         for homing in [Homing::new(&column, 0.0, open), sure] {
             let taken = homing.gap(&column.each(|s| 0.01 * s.load_n * s.by_load));
             assert!((taken.0 / 0.01 - 1.0).abs() < 0.02, "{}", taken.0);
             assert!(taken.1[homing.weighed.clone()].iter().all(|m| m.abs() < 1e-6));
         }
+    }
+
+    /// What the mechanism may miss is what a load that is wrong by `load_shape` changes, about its mean over the sweep; and it counts
+    /// as a residual does.
+    #[test]
+    fn what_the_mechanism_may_miss_counts_as_a_residual() {
+        let (column, homing) = homing();
+        let missed_m = Homing::law_error_m(&column, 0.03);
+        let changes_m = &column.each(|s| 0.03 * s.load_n * s.by_load)[homing.weighed.clone()];
+        let mean_m = changes_m.iter().sum::<f64>() / changes_m.len() as f64;
+        let rms_m = (changes_m.iter().map(|m| (m - mean_m).powi(2)).sum::<f64>() / changes_m.len() as f64).sqrt();
+        assert!((missed_m / rms_m - 1.0).abs() < 0.15, "{missed_m} {rms_m}");
+        let weight = |residual_m, law_m| Homing::new(&column, residual_m, Priors { law_m, ..homing.priors }).weight;
+        assert_eq!(weight(0.0, 0.3e-3), weight(0.3e-3, 0.0));
+        assert!((weight(0.3e-3, 0.4e-3) / weight(0.5e-3, 0.0) - 1.0).abs() < 1e-12);
     }
 
     /// A gap that is a cubic of the twist leaves nothing for the observer, whatever load it is taken for.

@@ -115,7 +115,9 @@ impl<'a> Budget<'a> {
         let gaps = || columns.iter().flat_map(|column| column.0.iter().map(|s| s.gap_m));
         let gaps_m = [gaps().fold(f64::INFINITY, f64::min), gaps().fold(0.0, f64::max)];
         let (heaviest, scale_error) = (&columns[columns.len() - 1], scene.twist_scale_error()?);
-        let effects = columns.iter().map(|column| Effects { scene, rig, column, heaviest, gaps_m, scale_error });
+        let law_error_m = Homing::law_error_m(&columns[columns.len() / 2], scene.uncertainty.load_shape);
+        let effects =
+            columns.iter().map(|column| Effects { scene, rig, column, heaviest, gaps_m, scale_error, law_error_m });
         let under = effects.map(|effects| Under::new(&effects));
         Ok(Self { scene, under: under.collect() })
     }
