@@ -34,11 +34,11 @@ use serde::Serialize;
 use tsa_table::fit::Fit as Table;
 
 /// Minimum standard errors of an identified scene: strings bed in, creep and warm up between the sweeps and later use
-/// (crates/rig-plant/README.md), which no sweep shows. Radius (relative), gap's zero (m), change of the load
-/// (relative).
+/// (crates/rig-plant/README.md), which no sweep shows. Radius (relative), gap's zero (m), dependence on the load (relative): 0.01
+/// of it held nine heavy loads in ten of calibrated nominal plants too rarely, 0.015 too often.
 const MIN_RADIUS_ERROR: f64 = 0.004;
 const MIN_ZERO_ERROR_M: f64 = 50e-6;
-const CHANGE_ERROR: f64 = 0.01;
+const CHANGE_ERROR: f64 = 0.0125;
 
 /// Standard error of the gap's zero (m) by sweeps that law and correction miss by so much (m, rms). That is smooth over a
 /// sweep, not noise that averages out, so that it counts in full, and twice because the use is not the sweep.
