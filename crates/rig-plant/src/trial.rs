@@ -260,7 +260,7 @@ fn go(bench: &mut impl TrialBench, target_m: f32) -> Result<(), String> {
     bench.move_to(target_m, SPEED_M_PER_S).map_err(|why| format!("move to {:.1} mm: {why}", 1e3 * target_m))
 }
 
-/// Hangs another load on (N). A load that springs up or drops may cause a fault, which is cleared; its name.
+/// Hangs another load on (N). The names of the faults that a load caused which sprang up or dropped; they are cleared.
 fn hang(bench: &mut impl TrialBench, load_n: f64) -> Result<String, String> {
     bench.rig().set_plant(PlantKey::Load.name(), &load_n.to_string()).map_err(|e| e.to_string())?;
     bench.run(CHANGED_S);
@@ -365,7 +365,7 @@ mod tests {
         let trial = Trial { loads_n: [5.0, 150.0], worked_n: None, ..Trial::new(RigPreset::Ideal, 1) };
         let (stated, why) = trial.run(booted());
         assert!(stated.len() < 4 && !why.is_empty(), "{stated:?} {why}");
-        // So light a load flies up; the board takes that for a broken string.
+        // So light a load springs up so far that the board takes it for a broken string.
         let (stated, why) = Trial { kind: RigPreset::Nominal, loads_n: [15.5, 1.5], ..trial.clone() }.run(booted());
         assert_eq!((stated.len(), why.as_str()), (3, "another load: string-break, after which the rig must be homed"));
         let (stated, why) = Trial { twist_rad: 1e3, worked_n: None, ..trial }.run(booted());

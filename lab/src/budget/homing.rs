@@ -191,8 +191,8 @@ mod tests {
         }
     }
 
-    /// What the mechanism may miss is what a load that is wrong by `load_shape` changes, about its mean over the sweep; and it counts
-    /// as a residual does.
+    /// An error of the load by `load_shape` changes the gaps of the sweep by as much as the mechanism may miss them, about their mean;
+    /// and that counts as a residual does.
     #[test]
     fn what_the_mechanism_may_miss_counts_as_a_residual() {
         let (column, homing) = homing();

@@ -2,7 +2,8 @@
 //!
 //! The gap's curve over the twist alone cannot tell a heavier load from a thinner string or from another zero of the
 //! LVDT. So the fit has three sources, each weighted by its own error: the curve, by the residual that it leaves on this very
-//! rig and by what the scene's mechanism may miss; what the scene says of string radius and LVDT, by the scene's uncertainty; and the operator's weight, if one was given.
+//! rig and by what the scene's mechanism may miss; what the scene says of string radius and LVDT, by the scene's uncertainty;
+//! and the operator's weight, if one was given.
 //! The motor's current is no source: on emulated plants of every kind the estimate is as good without it. Two errors that no
 //! rig is without are unknowns of the fit, or they would be taken for another load: a slope of the LVDT, and a radius that grows
 //! faster or slower with the twist than the table's. Friction is half of what the ways up and down differ by. One Gauss–Newton
@@ -151,17 +152,17 @@ impl LoadEstimate {
         let (sum_m, count) = self.pairs().fold((0.0, 0.0f32), |(sum_m, count), pair| (sum_m + pair.gap_m, count + 1.0));
         self.middle_m = sum_m / count.max(1.0);
         let middle_n = libm::sqrtf(m.load_min_n * m.load_max_n);
-        self.law_error_m = self.law_error_m(table, middle_n);
+        self.law_error_m = self.missed_by_law_m(table, middle_n);
         self.unknowns.load_n = match self.given {
             LoadChoice::Known(given_n) => given_n.clamp(m.load_min_n, m.load_max_n),
             LoadChoice::Auto => middle_n,
         };
     }
 
-    /// By how much the mechanism may miss the gaps of the sweep (m, rms): as much as a load (N) changes them that is wrong by
-    /// `load_shape`. How far it opens the gap is nearly linear over the sweep, so that the rms about the mean is 1/√12 of the
-    /// difference between the ends.
-    fn law_error_m(&self, table: &Table<'_>, load_n: f32) -> f32 {
+    /// By how much the mechanism may miss the gaps of the sweep (m, rms): as much as an error of a load (N) by `load_shape` changes
+    /// them about their mean. That change is nearly linear over the sweep, so that its rms is 1/√12 of the difference between the
+    /// ends.
+    fn missed_by_law_m(&self, table: &Table<'_>, load_n: f32) -> f32 {
         let mechanism = self.mechanism(*table);
         let by_load_m = |pair: Option<Pair>| {
             pair.map_or(0.0, |pair| load_n * mechanism.at(load_n, pair.twist_rad).dgap_dload_m_per_n)

@@ -34,8 +34,8 @@ use serde::Serialize;
 use tsa_table::fit::Fit as Table;
 
 /// Minimum standard errors of an identified scene: strings bed in, creep and warm up between the sweeps and later use
-/// (crates/rig-plant/README.md), which no sweep shows. Radius (relative), gap's zero (m), dependence on the load (relative): 0.01
-/// of it held nine heavy loads in ten of calibrated nominal plants too rarely, 0.015 too often.
+/// (crates/rig-plant/README.md), which no sweep shows. Radius (relative), gap's zero (m), dependence on the load
+/// (relative): with 0.01 the stated 90 % errors of heavy loads on calibrated nominal plants held too rarely, with 0.015 too often.
 const MIN_RADIUS_ERROR: f64 = 0.004;
 const MIN_ZERO_ERROR_M: f64 = 50e-6;
 const CHANGE_ERROR: f64 = 0.0125;
@@ -48,7 +48,7 @@ fn zero_error_m(missed_m: f64) -> f64 {
 
 /// Standard error (relative) of a load that is weighed by a mechanism which misses so much of held-out rows (m, rms), and whose
 /// contraction goes so far with a relative change of the load (m). What it misses is smooth over a sweep: a constant, a slope and a
-/// bend, taken to be of the same size. The board takes one of these three for load.
+/// curvature, assumed to be of the same size. The board takes one of these three for load.
 fn shape_error(missed_m: f64, by_load_m: f64) -> f64 {
     (missed_m / (3.0f64.sqrt() * by_load_m)).hypot(CHANGE_ERROR).min(0.5)
 }
@@ -237,7 +237,7 @@ mod tests {
 
     #[test]
     fn what_a_law_misses_is_taken_for_load() {
-        // Missed by 0.2 mm each in constant, slope and bend, where twice the load shortens the strings by 2 mm less.
+        // Missed by 0.2 mm each in constant, slope and curvature, where twice the load shortens the strings by 2 mm less.
         assert!((shape_error(3.0f64.sqrt() * 0.2e-3, 2e-3) - 0.1f64.hypot(CHANGE_ERROR)).abs() < 1e-12);
         assert_eq!(shape_error(0.0, 2e-3), CHANGE_ERROR);
         assert_eq!(shape_error(1.0, 2e-3), 0.5, "more than a scene may state");

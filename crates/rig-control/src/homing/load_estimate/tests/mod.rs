@@ -238,9 +238,9 @@ fn the_fit_ends_at_the_minimum_and_states_the_inverse_of_its_curvature() {
     }
 }
 
-/// What the scene's mechanism may miss is what a load that is wrong by `load_shape` changes, about the mean of the sweep.
+/// An error of the load by `load_shape` changes the gaps of the sweep by as much, about their mean.
 #[test]
-fn the_mechanism_may_miss_what_a_load_that_is_wrong_by_load_shape_changes() {
+fn the_mechanism_may_miss_the_gaps_by_as_much_as_load_shape_changes_them() {
     let mut load_estimate = SWEPT.recorded(LoadChoice::Auto, 1.0);
     load_estimate.begin_fit(table(), &RIG);
     let m = &table().metadata;
@@ -256,8 +256,8 @@ fn the_mechanism_may_miss_what_a_load_that_is_wrong_by_load_shape_changes() {
     near(load_estimate.law_error_m, rms_m as f32, 0.15);
 }
 
-/// The scene of an identified rig knows radius and zero well, and how much its law misses. Gaps that are beside the table by as
-/// much do not contradict it.
+/// The scene of an identified rig knows radius and zero well, and how much its law misses. Gaps that differ from the table by as
+/// much do not contradict the scene.
 #[test]
 fn what_the_scene_says_that_its_law_misses_does_not_contradict_it() {
     let uncertainty = Uncertainty { twist_scale: 0.004, gap_zero_m: 1e-4, load_shape: 0.06, rod_memory: 0.0 };
