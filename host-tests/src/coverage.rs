@@ -206,7 +206,7 @@ fn table(all: &[Tried]) -> Study {
         if !why.is_empty() {
             // With its numbers each reason would be one of its own.
             let what = why.split(|c: char| c.is_ascii_digit()).next().unwrap_or_default();
-            *reasons.entry(what.trim().to_owned()).or_default() += 1;
+            *reasons.entry(what.trim_end_matches([' ', '-']).to_owned()).or_default() += 1;
         }
     }
     let head = ["rig", "load", "looked at", "load held by its error", "stated; true, % of the load"];
@@ -320,7 +320,7 @@ mod tests {
             known: Known::AsBuilt,
             trial,
             stated: vec![stated(Moment::Homed, 5.0, 5.4, 0.5, ""), stated(Moment::Changed, 12.0, 13.0, 0.5, "")],
-            why: "move to 4.0 mm: refused".into(),
+            why: "move to -4.0 mm: refused".into(),
         }];
         let study = table(&all);
         assert_eq!(study.table.len(), 3);
