@@ -97,7 +97,9 @@ impl MoveStart<'_> {
             return Ok(());
         }
         Err(if target_m.is_finite() {
-            let (min, max) = (lowest_m.min(highest_m), lowest_m.max(highest_m));
+            // A load that hangs below the lower end can be brought up from where it is.
+            let from_m = lowest_m.min(self.position_m);
+            let (min, max) = (from_m.min(highest_m), from_m.max(highest_m));
             Refusal::OutOfRange { parameter: Parameter::Target, min, max, given: target_m }
         } else {
             Refusal::NotFinite { parameter: Parameter::Target }

@@ -65,6 +65,23 @@ fn a_move_is_possible_as_far_as_the_strings_pull_load_and_friction() {
     assert_eq!(range_of(raised.check(&request(highest_m - 0.0019))).0, Parameter::Target);
 }
 
+/// A load that is much heavier than the homed one hangs below position 0, some however far the strings are twisted.
+#[test]
+fn what_a_refusal_allows_is_possible_for_a_load_that_hangs_below_zero() {
+    let defaults = settings::defaults(&constants());
+    for (lower_m, load_n, twist_rad) in [(0.0, 17.0, 10.0), (2e-3, 17.0, 10.0), (2e-3, 17.0, 40.0)] {
+        let zero_gap_m = mechanism().at(0.8, PI).gap_m - lower_m;
+        let position_m = zero_gap_m - mechanism().at(load_n, twist_rad).gap_m;
+        let start = MoveStart { mechanism_load_n: load_n, twist_rad, position_m, zero_gap_m, ..start(&defaults) };
+        let (parameter, min_m, max_m) = range_of(start.check(&request(0.05)));
+        assert_eq!((parameter, min_m), (Parameter::Target, position_m));
+        for target_m in [0.5 * (min_m + max_m), max_m] {
+            assert_eq!(start.check(&request(target_m)), Ok(()), "{load_n} N at {position_m} m: {min_m} to {max_m}");
+        }
+        assert_eq!(range_of(start.check(&request(max_m + 1e-6))), (Parameter::Target, min_m, max_m));
+    }
+}
+
 #[test]
 fn each_parameter_of_a_move_is_refused_by_name() {
     let defaults = settings::defaults(&constants()).with(Setting::SpeedMax, 0.01);
