@@ -72,7 +72,7 @@ def moved(name, load, before, after):
     found = (before, after)
     load_n = [f"{f['load_n']:.2f} ± {f['load_error_n']:.2f} N" for f in found]
     stated_m = [f["position_error_m"] for f in found]
-    # Both are from the target; a load that rests beside it is still reported where it is.
+    # Both errors count from the target; their difference is the error of the reported position.
     wrong_m = [f["true_error_m"] - f["error_m"] for f in found]
     return [f"{name}, {load}", *load_n, *(f"{1e6 * abs(m):.0f} µm" for m in (*stated_m, *wrong_m))]
 

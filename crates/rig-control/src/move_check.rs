@@ -97,7 +97,7 @@ impl MoveStart<'_> {
             return Ok(());
         }
         Err(if target_m.is_finite() {
-            // A load that hangs below the lower end can be brought up from where it is.
+            // A load that hangs below the lower end, and not only by noise, can be brought up from where it hangs.
             let from_m = if self.position_m < lowest_m - TRAVEL_M { self.position_m } else { lowest_m };
             let (min, max) = (from_m.min(highest_m), from_m.max(highest_m));
             Refusal::OutOfRange { parameter: Parameter::Target, min, max, given: target_m }

@@ -260,7 +260,7 @@ fn go(bench: &mut impl TrialBench, target_m: f32) -> Result<(), String> {
     bench.move_to(target_m, SPEED_M_PER_S).map_err(|why| format!("move to {:.1} mm: {why}", 1e3 * target_m))
 }
 
-/// Hangs another load on (N). The names of the faults that a load caused which sprang up or dropped; they are cleared.
+/// Hangs another load on (N), and clears the faults that follow, because a load may spring up or drop. Returns their names.
 fn hang(bench: &mut impl TrialBench, load_n: f64) -> Result<String, String> {
     bench.rig().set_plant(PlantKey::Load.name(), &load_n.to_string()).map_err(|e| e.to_string())?;
     bench.run(CHANGED_S);

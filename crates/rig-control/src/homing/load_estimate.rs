@@ -159,9 +159,9 @@ impl LoadEstimate {
         };
     }
 
-    /// By how much the mechanism may miss the gaps of the sweep (m, rms): as much as an error of a load (N) by `load_shape` changes
-    /// them about their mean. That change is nearly linear over the sweep, so that its rms is 1/√12 of the difference between the
-    /// ends.
+    /// By how much the mechanism may miss the gaps of the sweep (m, rms): by how much a load (N) that is wrong by `load_shape`
+    /// changes them, about the mean of that change. It is nearly linear over the sweep; its rms is then 1/√12 of the difference
+    /// between the ends.
     fn missed_by_law_m(&self, table: &Table<'_>, load_n: f32) -> f32 {
         let mechanism = self.mechanism(*table);
         let by_load_m = |pair: Option<Pair>| {

@@ -80,7 +80,7 @@ fn what_a_refusal_allows_is_possible_for_a_load_that_hangs_below_zero() {
         }
         assert_eq!(range_of(start.check(&request(max_m + 1e-6))), (Parameter::Target, min_m, max_m));
     }
-    // One that hangs at the lower end but for noise does not.
+    // A load at the lower end, but for noise, has the lower end.
     let start = start(&defaults);
     let noisy = MoveStart { position_m: -5e-6, ..start };
     assert_eq!(range_of(noisy.check(&request(0.05))), range_of(start.check(&request(0.05))));
