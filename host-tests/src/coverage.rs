@@ -136,7 +136,7 @@ impl Known {
                 firmware.constants.lvdt_linearity_m = (linearity(trial.kind) * scene().rig.lvdt_stroke_m) as f32;
                 firmware
             }
-            Self::Calibrated => commission(&subject(trial), false).0,
+            Self::Calibrated => commission(&subject(trial)).0,
         }
     }
 }

@@ -57,7 +57,7 @@ pub fn settled_m(kind: RigPreset) -> f64 {
 fn firmware(plant: &Subject) -> Firmware {
     match plant.kind {
         RigPreset::Ideal => Firmware::as_built(),
-        _ => commission(plant, false).0,
+        _ => commission(plant).0,
     }
 }
 

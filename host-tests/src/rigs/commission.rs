@@ -58,32 +58,37 @@ impl Firmware {
     }
 }
 
-/// The firmware that the rig is used with, and what was found on the way. Who cannot identify a rig goes on with the
-/// default scene's table.
-pub fn commission(subject: &Subject, as_built: bool) -> (Firmware, Vec<Finding>) {
-    let subject = &subject.at_calibration();
-    let finding = |check, value, note| Finding { load_kg: None, check, value, note };
-    let mut firmware = Firmware::as_built();
-    let mut findings = Vec::new();
-    // Without a calibration it goes on as it is.
-    if let Ok(settings) = calibrate(subject) {
-        firmware.settings = settings;
-    }
-    if as_built {
-        return (firmware, findings);
-    }
-    let built = sweeps(subject, &firmware).and_then(|sweeps| identified(&sweeps)).and_then(|found| {
-        findings.push(finding(Check::HeldOut, held_out_error(subject, &found), String::new()));
-        findings.extend(predicted(subject, &found));
-        findings.extend(found_constants(subject, &found));
-        build(found, &firmware).map_err(|why| format!("table: {why}"))
-    });
+/// The firmware whose LVDT was calibrated. Where that fails it goes on as it is.
+pub fn calibrated(subject: &Subject) -> Firmware {
+    let as_built = Firmware::as_built();
+    let settings = calibrate(&subject.at_calibration()).unwrap_or(as_built.settings);
+    Firmware { settings, ..as_built }
+}
+
+/// The firmware that the rig is used with, and what was identified. Who cannot identify a rig, or finds no table for it, goes on
+/// with the default scene's table.
+pub fn commission(subject: &Subject) -> (Firmware, Result<Identified, String>) {
+    let firmware = calibrated(subject);
+    let found = sweeps(&subject.at_calibration(), &firmware).and_then(|sweeps| identified(&sweeps));
+    let built = found.and_then(|found| Ok((build(&found, &firmware).map_err(|why| format!("table: {why}"))?, found)));
     match built {
-        Ok(built) => (built, findings),
-        Err(why) => {
-            findings.push(finding(Check::HeldOut, None, format!("goes on as built: {why}")));
-            (firmware, findings)
-        }
+        Ok((built, found)) => (built, Ok(found)),
+        Err(why) => (firmware, Err(why)),
+    }
+}
+
+/// How what was identified compares with the rig.
+pub fn judged(subject: &Subject, found: &Result<Identified, String>) -> Vec<Finding> {
+    let subject = &subject.at_calibration();
+    let held_out = |value, note| Finding { load_kg: None, check: Check::HeldOut, value, note };
+    match found {
+        Ok(found) => [
+            vec![held_out(held_out_error(subject, found), String::new())],
+            predicted(subject, found),
+            found_constants(subject, found),
+        ]
+        .concat(),
+        Err(why) => vec![held_out(None, format!("goes on as built: {why}"))],
     }
 }
 
@@ -225,11 +230,11 @@ fn held_out_error(subject: &Subject, found: &Identified) -> Option<f64> {
 }
 
 /// The firmware for an identified scene.
-fn build(found: Identified, firmware: &Firmware) -> Result<Firmware, String> {
-    let Some(fit) = found.table else {
-        return Err(found.untabled.unwrap_or_else(|| "the scene asks for none".into()));
+fn build(found: &Identified, firmware: &Firmware) -> Result<Firmware, String> {
+    let Some(fit) = &found.table else {
+        return Err(found.untabled.clone().unwrap_or_else(|| "the scene asks for none".into()));
     };
-    let owned = Box::leak(Box::new(fit.table));
+    let owned = Box::leak(Box::new(fit.table.clone()));
     Ok(Firmware {
         table: Box::leak(Box::new(owned.table())),
         constants: found.scene.constants(),
