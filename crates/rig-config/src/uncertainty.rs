@@ -17,7 +17,7 @@ pub struct Uncertainty {
     /// share of it.
     pub load_shape: f64,
     /// How much heavier a light load seems on rods that have carried a much heavier one, as a fraction of it. Its standard error
-    /// is 0.8 of it (`hysteresis.rs` of rig-control).
+    /// is half of it (`hysteresis.rs` of rig-control).
     pub rod_memory: f64,
 }
 
@@ -25,7 +25,7 @@ impl Default for Uncertainty {
     /// Constants from the paper for a rig of its kind that nobody has identified, an LVDT whose zero is measured with callipers, and
     /// rods of a nominal emulated rig, whose loop is 60 MPa to either side (crates/rig-plant/README.md).
     fn default() -> Self {
-        Self { radius: 0.03, gap_zero_m: 0.5e-3, load_shape: 0.03, rod_memory: 0.12 }
+        Self { radius: 0.03, gap_zero_m: 0.5e-3, load_shape: 0.03, rod_memory: 0.16 }
     }
 }
 

@@ -171,13 +171,13 @@ fn uncertainty_reaches_the_table_and_linearity_the_control_code() {
     let scene = Scene::from_toml_str(&text).unwrap();
     let constants = scene.constants();
     let of_scale = |scene: &Scene| scene.twist_scale_error().unwrap() as f32;
-    assert_eq!(scene.table_spec().unwrap().uncertainty.numbers(), [of_scale(&scene), 0.5e-3, 0.03, 0.12]);
+    assert_eq!(scene.table_spec().unwrap().uncertainty.numbers(), [of_scale(&scene), 0.5e-3, 0.03, 0.16]);
     assert!((constants.lvdt_linearity_m - 1e-3).abs() < 1e-9, "half a percent of 200 mm");
     let text = text.replace("adc_reference_v = 3.3", "adc_reference_v = 3.3\nlvdt_linearity = 0.0025");
     let text = format!("{text}\n[uncertainty]\nradius = 0.01\ngap_zero_m = 0.0002\n");
     let scene = Scene::from_toml_str(&text).unwrap();
     let constants = scene.constants();
-    let known = [of_scale(&scene), 2e-4, 0.03, 0.12];
+    let known = [of_scale(&scene), 2e-4, 0.03, 0.16];
     assert!((3.0 * known[0] / of_scale(&Scene::from_toml_str(&default_text()).unwrap()) - 1.0).abs() < 1e-6);
     assert_eq!(scene.table_spec().unwrap().uncertainty.numbers(), known);
     assert!((constants.lvdt_linearity_m - 0.5e-3).abs() < 1e-9);

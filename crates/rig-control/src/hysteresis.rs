@@ -7,7 +7,7 @@ const MEMORY_FALLS_N: f32 = 7.0;
 /// How far below the heaviest load (N) what the rods remember is complete.
 pub const MEMORY_COMPLETE_N: f32 = 4.0;
 /// Standard error of what the rods remember, as a fraction of it.
-pub const MEMORY_ERROR: f32 = 0.8;
+pub const MEMORY_ERROR: f32 = 0.5;
 /// Iterations from an apparent load to the load: each leaves an eighth of the error before it with the default `rod_memory`, a half
 /// with the largest.
 const ITERATIONS: u8 = 4;

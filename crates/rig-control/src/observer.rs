@@ -13,7 +13,7 @@
 //! the rods and strings do when the load has changed since homing, and how long ago that was.
 
 use crate::homing::NINETY_PERCENT;
-use crate::hysteresis::{MEMORY_ERROR, RodMemory};
+use crate::hysteresis::{MEMORY_COMPLETE_N, MEMORY_ERROR, RodMemory};
 use crate::load_motion::{LoadMotion, Measured};
 use crate::mechanism::Mechanism;
 use crate::{TICK_S, load_state};
@@ -71,6 +71,8 @@ pub struct LoadObserver {
     hidden_error: f32,
     /// What the rods remember.
     memory: RodMemory,
+    /// Maximum pull, less noise, since the load last stood (N).
+    peak_n: f32,
     /// Time since homing (s).
     age_s: f32,
     /// Coulomb friction of the rail, found at homing (N).
@@ -145,6 +147,7 @@ impl LoadObserver {
             shape_error: known.load_shape,
             hidden_error: if is_weighed { known.load_shape.min(homed_fraction) } else { homed_fraction },
             memory,
+            peak_n: 0.0,
             age_s: 0.0,
             friction_n: homed.friction_n,
             band: MOVING_BAND,
@@ -252,15 +255,23 @@ impl LoadObserver {
             pull_n = motion.pull_n;
             let innovation_n = motion.weight_n - expected_n;
             shown_n += innovation_n;
-            let load_n = self.apparent_n + self.correction(innovation_n, moved_m, &point);
+            let noise_n =
+                load_state::moved_m(self.gap_noise_m) / point.dgap_dload_m_per_n + OUTSIDE_FRACTION * self.apparent_n;
+            self.peak_n = self.peak_n.max((pull_n - noise_n).min(m.load_max_n));
+            let load_n = self.apparent_n + self.correction(innovation_n, moved_m, noise_n);
             self.apparent_n = load_n.clamp(m.load_min_n, m.load_max_n);
             // A load that is too heavy is a danger. One that is too light is none, and may still be within the range, by
             // the error of the estimate.
             let light = load_n < m.load_min_n && -innovation_n > self.still_error_n(&point, twist_rad);
             at_range_end = load_n > m.load_max_n || light;
         }
+        // A load that somebody lets go of falls past its place and swings. As the swing dies away it leaves the rods halfway between
+        // the stress of a load that was hung on gently and that after a heavier one. Before the load stands again, a sensor that
+        // shifted may look the same.
         if self.quiet_ticks >= SETTLED_TICKS {
-            self.memory.heaviest_n = self.memory.heaviest_n.max(self.apparent_n);
+            let past_n = (self.peak_n - self.apparent_n).clamp(0.0, MEMORY_COMPLETE_N);
+            self.memory.heaviest_n = self.memory.heaviest_n.max(self.apparent_n + 0.5 * past_n);
+            self.peak_n = 0.0;
         }
         let load_error_n = self.still_error_n(&point, twist_rad) + self.unsettled_n;
         let (mechanism_load_n, point) = match self.source {
@@ -298,10 +309,9 @@ impl LoadObserver {
         moved_m.abs()
     }
 
-    /// Change of the estimate (N) for a pull that differs from the expected one by `innovation_n`.
-    fn correction(&mut self, innovation_n: f32, moved_m: f32, point: &Point) -> f32 {
-        let outside_n =
-            load_state::moved_m(self.gap_noise_m) / point.dgap_dload_m_per_n + OUTSIDE_FRACTION * self.apparent_n;
+    /// Change of the estimate (N) for a pull that differs from the expected one by `innovation_n`. Outside the friction band
+    /// `noise_n` is no other load.
+    fn correction(&mut self, innovation_n: f32, moved_m: f32, noise_n: f32) -> f32 {
         // Where the pull may be, relative to its end of the band.
         let (far, near) = (-2.0 * self.friction_n * self.direction, 0.0f32);
         let beyond = innovation_n - innovation_n.clamp(far.min(near), far.max(near));
@@ -309,7 +319,7 @@ impl LoadObserver {
         let mut step = innovation_n * follow.min(moved_m / TRAVEL_M);
         self.band += (MOVING_BAND - self.band) * (moved_m / TRAVEL_M).min(1.0);
         self.unsettled_n *= 1.0 - 1.0 / f32::from(SETTLED_TICKS);
-        if beyond.abs() > outside_n {
+        if beyond.abs() > noise_n {
             step = if moved_m == 0.0 { beyond * follow } else { innovation_n * follow };
             self.quiet_ticks = 0;
             // Earlier moves belong to another load, or to another gap.
@@ -449,13 +459,14 @@ mod tests {
         o.friction_n = 0.4;
         o.memory.heaviest_n = 10.0;
         o.apparent_n = o.memory.apparent_n(3.0);
-        let memory = MEMORY_ERROR * o.memory.excess(3.0);
+        let load_n = o.load_n();
+        let memory = MEMORY_ERROR * o.memory.excess(load_n);
         let parts = [
-            0.5 / (5.0 * NINETY_PERCENT) * 3.0,
+            0.5 / (5.0 * NINETY_PERCENT) * load_n,
             MOVING_BAND * 0.4,
             0.1 * (5.0 - o.apparent_n),
-            memory * 3.0,
-            DRIFT[0] * 3.0,
+            memory * load_n,
+            DRIFT[0] * load_n,
         ];
         let expected_n = NINETY_PERCENT * together(&parts);
         let found_n = o.still_error_n(&POINT, 0.0);

@@ -7,8 +7,9 @@ use crate::sweep::{SPEED_RAD_PER_S, identified, swept};
 use crate::{ControlBench, constants, scene, table};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
-use rig_control::{Controller, RigConstants, settings};
+use rig_control::{Controller, RigConstants, TICK_S, settings};
 use rig_link::messages::{LoadChoice, Request, SettingValues, State};
+use rig_plant::PlantKey;
 use rig_plant::units::STANDARD_GRAVITY;
 use rigctl::identify::Identified;
 use rigctl::identify::constants::Constant;
@@ -21,6 +22,11 @@ use tsa_table::Table;
 
 /// Loads of the sweeps (kg): the ends of what will be lifted, and between.
 pub const SWEEP_LOADS_KG: [f64; 3] = [0.15, 0.6, 1.5];
+/// The sweep that is recorded again after the heaviest load, and that load (kg): it shows what the rods remember.
+const AFTER_KG: [f64; 2] = [SWEEP_LOADS_KG[1], SWEEP_LOADS_KG[2]];
+/// How long the rods carry that load, and how long they then rest before homing (s); how fast a hand takes it off (N/s).
+const CARRIED_S: f64 = 3.0;
+const TAKEN_OFF_N_PER_S: f64 = 2.0;
 /// Turns past the half-turn pre-twist.
 const TURNS: f64 = 7.5;
 /// Turns, besides half those of the sweeps, at which predicted contractions are compared with the rig's own.
@@ -151,17 +157,21 @@ fn mean_gap(bench: &mut ControlBench) -> Result<(f64, f64), String> {
 /// # Errors
 /// In words, if one fails from every twist at power-up.
 pub fn sweeps(subject: &Subject, firmware: &Firmware) -> Result<Vec<(String, Sweep)>, String> {
-    let one = |load_kg: &f64| {
+    let one = |(load_kg, after_kg): (f64, Option<f64>)| {
+        let name =
+            format!("{load_kg} kg{}", after_kg.map_or(String::new(), |after_kg| format!(" after {after_kg} kg")));
         let mut swept = Err(String::new());
         for turns in 0..TRIES {
-            swept = sweep(subject, firmware, *load_kg, turns);
+            swept = sweep(subject, firmware, load_kg, after_kg, turns);
             if swept.is_ok() {
                 break;
             }
         }
-        Ok((format!("{load_kg} kg"), swept.map_err(|why| format!("sweep at {load_kg} kg: {why}"))?))
+        let swept = swept.map_err(|why| format!("sweep at {name}: {why}"))?;
+        Ok((name, swept))
     };
-    SWEEP_LOADS_KG.iter().map(one).collect()
+    let [again_kg, after_kg] = AFTER_KG;
+    SWEEP_LOADS_KG.map(|load_kg| (load_kg, None)).into_iter().chain([(again_kg, Some(after_kg))]).map(one).collect()
 }
 
 /// Predicted contractions beside those of the rig: at the ends and in the middle of the scene's loads.
@@ -203,14 +213,36 @@ fn found_constants(subject: &Subject, found: &Identified) -> Vec<Finding> {
     judged.collect()
 }
 
-/// One sweep, from so many turns at power-up, by its equilibria.
-fn sweep(subject: &Subject, firmware: &Firmware, load_kg: f64, turns: u8) -> Result<Sweep, String> {
-    let load_n = load_kg * STANDARD_GRAVITY;
-    let rig = subject.switched_on_at(load_n, 1.0 + TAU * f64::from(turns)).map_err(|e| e.to_string())?;
+/// One sweep, from so many turns at power-up, by its equilibria; of rods that have just carried a heavier load, if one is given.
+fn sweep(
+    subject: &Subject,
+    firmware: &Firmware,
+    load_kg: f64,
+    after_kg: Option<f64>,
+    turns: u8,
+) -> Result<Sweep, String> {
+    let [load_n, carried_n] = [load_kg, after_kg.unwrap_or(load_kg)].map(|kg| kg * STANDARD_GRAVITY);
+    let rig = subject.switched_on_at(carried_n, 1.0 + TAU * f64::from(turns)).map_err(|e| e.to_string())?;
     let mut bench = ControlBench::on(rig, firmware.boot());
+    if after_kg.is_some() {
+        bench.run(CARRIED_S);
+        take_off(&mut bench, carried_n, load_n)?;
+        bench.run(CARRIED_S);
+    }
     bench.home_under(LoadChoice::Known(load_n as f32))?;
     let homed = bench.found.ok_or("homing has no result")?;
-    swept(&mut bench, &homed, load_n, TURNS)
+    let after_n = after_kg.map(|_| carried_n);
+    Ok(Sweep { after_n, ..swept(&mut bench, &homed, load_n, TURNS)? })
+}
+
+/// Takes a part of the load off slowly, down to another load (N): what is taken off at once looks like a broken string.
+fn take_off(bench: &mut ControlBench, mut hanging_n: f64, to_n: f64) -> Result<(), String> {
+    while hanging_n > to_n {
+        hanging_n = (hanging_n - TAKEN_OFF_N_PER_S * f64::from(TICK_S)).max(to_n);
+        bench.rig.set_plant(PlantKey::Load.name(), &hanging_n.to_string()).map_err(|e| e.to_string())?;
+        bench.tick(None);
+    }
+    Ok(())
 }
 
 /// Rms error of contractions under loads between those of the sweeps, as shares of the rig's true ones; none if the law has

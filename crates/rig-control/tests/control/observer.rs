@@ -90,6 +90,29 @@ fn a_pull_beyond_the_band_is_another_load_that_is_followed_in_the_time_constant(
     }
 }
 
+/// 8 N in the place of 5 N, let go of at once: they fall past their place and swing. Friction is none of what is looked at here.
+#[test]
+fn rods_remember_what_the_strings_carry_while_a_load_swings() {
+    let mut observer = observer();
+    let seen = pulls(&mut observer, LOAD_N - FRICTION_N, 200);
+    near(observer.heaviest_n(), seen.mechanism_load_n, 0.02);
+    let mut most_n = 0.0f32;
+    for k in 0..100u8 {
+        let seconds = f32::from(k) * TICK_S;
+        let pull_n = 8.0 - 3.0 * (15.0 * seconds).cos() * (-2.0 * seconds).exp();
+        most_n = most_n.max(pull_n);
+        pulls(&mut observer, pull_n, 1);
+    }
+    pulls(&mut observer, 8.0, 200);
+    assert!(most_n > 9.5);
+    near(observer.heaviest_n(), most_n, 0.2);
+    // A sensor that shifts is another matter: what it shows before the load stands again is forgotten with the homing.
+    let mut observer = self::observer();
+    pulls(&mut observer, LOAD_N - FRICTION_N, 200);
+    pulls(&mut observer, 12.0, 20);
+    near(observer.heaviest_n(), LOAD_N, 0.05);
+}
+
 /// Beyond the band by the motion that is noise (20 um of the gap) and a hundredth of the load.
 #[test]
 fn a_pull_beyond_the_band_by_no_more_than_noise_is_no_other_load() {

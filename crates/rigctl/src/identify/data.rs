@@ -108,10 +108,7 @@ impl Data {
         }
         let sweep = log::sweep::reduce(log)?;
         taut("sweep.load_n", sweep.load_n)?;
-        match sweep.after_n {
-            Some(_) => self.after.push((name.to_owned(), sweep)),
-            None => self.add_sweep(name, base, &sweep),
-        }
+        self.add_sweep(name, base, &sweep);
         Ok(())
     }
 
@@ -159,8 +156,12 @@ impl Data {
         Ok(())
     }
 
-    /// Adds the equilibria of one recorded sweep under a known load.
+    /// Adds the equilibria of one recorded sweep under a known load. One after a heavier load is kept beside them.
     pub fn add_sweep(&mut self, name: &str, base: &Parameters, sweep: &Sweep) {
+        if sweep.after_n.is_some() {
+            self.after.push((name.to_owned(), sweep.clone()));
+            return;
+        }
         let before = self.rows.len();
         let zero = sweep.zero_gap_m.is_none().then_some(self.zeros);
         for stop in &sweep.stops {
