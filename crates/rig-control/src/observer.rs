@@ -467,6 +467,7 @@ mod tests {
             0.1 * (5.0 - o.apparent_n),
             memory * load_n,
             DRIFT[0] * load_n,
+            NOISE_N,
         ];
         let expected_n = NINETY_PERCENT * together(&parts);
         let found_n = o.still_error_n(&POINT, 0.0);

@@ -10,6 +10,7 @@ use rig_config::Uncertainty;
 use rig_control::hysteresis::RodMemory;
 use rig_link::messages::{Doubt, Doubts, Fault, LoadChoice, Refusal, Request, State};
 use rig_plant::trial::{Stated, Trial};
+use rig_plant::units::STANDARD_GRAVITY;
 use rig_plant::{RigFault, RigPreset};
 
 /// Constants 10 % off, one at a time and all together, with twice the usual friction.
@@ -83,13 +84,16 @@ fn half_a_kilogram_more_or_less_is_known_in_a_second() {
         moves.tick(Some(super::go(0.010, 0.001)));
         moves.run(1.0);
         for mut d in [rests, moves] {
-            let heaviest_n = d.truth().load_n as f32;
+            let before_n = d.truth().load_n as f32;
             d.rig.set_plant("load", to).unwrap();
             d.run(1.0);
             d.watch(1.0, |d| {
-                // These rods have no hysteresis, which the scene expects: a load that becomes lighter is reported too light.
+                // These rods have no hysteresis, which the scene expects: a load that becomes lighter is reported too light,
+                // and one that has swung by several newtons as if it came from 2 N more.
+                let load_n = d.truth().load_n as f32;
+                let heaviest_n = if load_n > before_n { load_n + 2.0 } else { before_n };
                 let memory = RodMemory { light: Uncertainty::default().rod_memory as f32, heaviest_n };
-                let expected = -f64::from(memory.excess(d.truth().load_n as f32));
+                let expected = -f64::from(memory.excess(load_n));
                 let error = load_error(d) - expected;
                 assert!(error.abs() < 0.05, "{from} to {to}, {:?}: {error}", d.control.state());
             });
@@ -115,6 +119,30 @@ fn a_load_seems_heavier_after_a_heavier_one_and_the_report_is_nearer_to_it() {
             assert!(apparent > 0.02 && reported.abs() < apparent, "{keys:?} {light}: {apparent} {reported}");
         }
     }
+}
+
+/// Rods of a load that was hung on gently are on the upper branch of their loop. A swing that dies away leaves them in its middle.
+#[test]
+fn a_load_that_was_let_go_of_seems_heavier_than_one_that_was_hung_on_gently_and_the_report_is_nearer_to_it() {
+    let hung = |gently: bool| {
+        let mut d = homed(&[("rod_hysteresis", "60MPa")], "0.2kg", "0.05", 1);
+        track(&mut d, 0.006);
+        let to_n = 0.9 * STANDARD_GRAVITY;
+        let mut hanging_n = if gently { d.truth().load_n } else { to_n };
+        while hanging_n < to_n {
+            hanging_n = f64::min(hanging_n + 0.02, to_n);
+            d.rig.set_plant("load", &hanging_n.to_string()).unwrap();
+            d.tick(None);
+        }
+        d.rig.set_plant("load", &to_n.to_string()).unwrap();
+        d.run(5.0);
+        load_n(&d)
+    };
+    let [gently_n, let_go_n] = [true, false].map(hung);
+    let memory = RodMemory { light: Uncertainty::default().rod_memory as f32, heaviest_n: let_go_n as f32 + 2.0 };
+    let seems_n = f64::from(memory.apparent_n(let_go_n as f32));
+    let apart = (let_go_n - gently_n).abs() / (seems_n - gently_n);
+    assert!(seems_n > 1.03 * gently_n && apart < 0.6, "{gently_n} N, {let_go_n} N, {seems_n} N");
 }
 
 #[test]
