@@ -23,7 +23,7 @@ pub fn memory_shape(load_n: f32, heaviest_n: f32) -> f32 {
 pub struct RodMemory {
     /// How much heavier than it is a light load seems after a much heavier one, as a fraction of it: what the scene says.
     pub light: f32,
-    /// The heaviest load that the rods have carried (N).
+    /// The heaviest load that the rods have carried (N). Of what a load that swings pulls beyond its weight a half counts.
     pub heaviest_n: f32,
 }
 

@@ -24,7 +24,8 @@ use tsa_table::Table;
 pub const SWEEP_LOADS_KG: [f64; 3] = [0.15, 0.6, 1.5];
 /// The sweep that is recorded again after the heaviest load, and that load (kg): it shows what the rods remember.
 const AFTER_KG: [f64; 2] = [SWEEP_LOADS_KG[1], SWEEP_LOADS_KG[2]];
-/// How long the rods carry that load, and how long they then rest before homing (s); how fast a hand takes it off (N/s).
+/// How long the rods carry that load, and how long they then rest before homing (s); how fast a hand takes it off (N/s), as
+/// `rigctl sweep --after` has it.
 const CARRIED_S: f64 = 3.0;
 const TAKEN_OFF_N_PER_S: f64 = 2.0;
 /// Turns past the half-turn pre-twist.
