@@ -18,7 +18,7 @@ pub mod trial;
 
 use crate::study::{Rigs, Study, write};
 use anyhow::{Result, ensure};
-use commission::{calibrated, commission, judged};
+use commission::{calibrated, judged};
 use floor::Finding;
 use report::{files, groups, page};
 use rig_plant::RigPreset;
@@ -119,7 +119,7 @@ pub fn score(subject: &Subject, plan: &Plan) -> Scored {
     let (firmware, mut findings) = if plan.as_built {
         (calibrated(subject), Vec::new())
     } else {
-        let (firmware, found) = commission(subject);
+        let (firmware, found) = commission::commission(subject);
         (firmware, judged(subject, &found))
     };
     let loads = &plan.loads_kg;
