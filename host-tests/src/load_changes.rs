@@ -206,6 +206,19 @@ pub fn hang<C: ControlLaw>(bench: &mut ControlBench<C>, load_kg: f64) -> Result<
     bench.rig.set_plant("load", &format!("{load_kg}kg")).map_err(|e| e.to_string())
 }
 
+/// Changes the load by hand, 2 N a second: at once it would swing, and what is taken off would look like a broken string.
+///
+/// # Errors
+/// As [`hang`].
+pub fn lay_on(bench: &mut ControlBench, mut from_kg: f64, to_kg: f64) -> Result<(), String> {
+    while from_kg != to_kg {
+        from_kg += (to_kg - from_kg).clamp(-0.01, 0.01);
+        hang(bench, from_kg)?;
+        bench.run(0.05);
+    }
+    Ok(())
+}
+
 /// Watches a load for a time (s): its distances from its target (m), every tick, as the sensor has them. `tick` moves the bench on
 /// and tells the position (m) that the sensor shows.
 pub fn errors_m<C: ControlLaw>(

@@ -265,9 +265,9 @@ impl LoadObserver {
             let light = load_n < m.load_min_n && -innovation_n > self.still_error_n(&point, twist_rad);
             at_range_end = load_n > m.load_max_n || light;
         }
-        // A load that somebody lets go of falls past its place and swings. As the swing dies away it leaves the rods halfway between
-        // the stress of a load that was hung on gently and that after a heavier one. Before the load stands again, a sensor that
-        // shifted may look the same.
+        // A load that somebody lets go of falls past its place and swings. When the swing has died away, the rods are halfway between
+        // their stress under a load that was hung on slowly and that after a heavier load. It counts once the load stands,
+        // because a sensor that shifts shows the same at first.
         if self.quiet_ticks >= SETTLED_TICKS {
             let past_n = (self.peak_n - self.apparent_n).clamp(0.0, MEMORY_COMPLETE_N);
             self.memory.heaviest_n = self.memory.heaviest_n.max(self.apparent_n + 0.5 * past_n);

@@ -3,13 +3,13 @@
 
 use super::floor::{Check, Finding};
 use super::subject::Subject;
+use crate::load_changes::lay_on;
 use crate::sweep::{SPEED_RAD_PER_S, identified, swept};
 use crate::{ControlBench, constants, scene, table};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
-use rig_control::{Controller, RigConstants, TICK_S, settings};
+use rig_control::{Controller, RigConstants, settings};
 use rig_link::messages::{LoadChoice, Request, SettingValues, State};
-use rig_plant::PlantKey;
 use rig_plant::units::STANDARD_GRAVITY;
 use rigctl::identify::Identified;
 use rigctl::identify::constants::Constant;
@@ -24,10 +24,8 @@ use tsa_table::Table;
 pub const SWEEP_LOADS_KG: [f64; 3] = [0.15, 0.6, 1.5];
 /// The sweep that is recorded again after the heaviest load, and that load (kg): it shows what the rods remember.
 const AFTER_KG: [f64; 2] = [SWEEP_LOADS_KG[1], SWEEP_LOADS_KG[2]];
-/// How long the rods carry that load, and how long they then rest before homing (s); how fast a hand takes it off (N/s), as
-/// `rigctl sweep --after` has it.
+/// How long the rods carry that load, and how long they then rest before homing (s), as `rigctl sweep --after` has it.
 const CARRIED_S: f64 = 3.0;
-const TAKEN_OFF_N_PER_S: f64 = 2.0;
 /// Turns past the half-turn pre-twist.
 const TURNS: f64 = 7.5;
 /// Turns, besides half those of the sweeps, at which predicted contractions are compared with the rig's own.
@@ -222,28 +220,19 @@ fn sweep(
     after_kg: Option<f64>,
     turns: u8,
 ) -> Result<Sweep, String> {
-    let [load_n, carried_n] = [load_kg, after_kg.unwrap_or(load_kg)].map(|kg| kg * STANDARD_GRAVITY);
+    let carried_kg = after_kg.unwrap_or(load_kg);
+    let [load_n, carried_n] = [load_kg, carried_kg].map(|kg| kg * STANDARD_GRAVITY);
     let rig = subject.switched_on_at(carried_n, 1.0 + TAU * f64::from(turns)).map_err(|e| e.to_string())?;
     let mut bench = ControlBench::on(rig, firmware.boot());
     if after_kg.is_some() {
         bench.run(CARRIED_S);
-        take_off(&mut bench, carried_n, load_n)?;
+        lay_on(&mut bench, carried_kg, load_kg)?;
         bench.run(CARRIED_S);
     }
     bench.home_under(LoadChoice::Known(load_n as f32))?;
     let homed = bench.found.ok_or("homing has no result")?;
     let after_n = after_kg.map(|_| carried_n);
     Ok(Sweep { after_n, ..swept(&mut bench, &homed, load_n, TURNS)? })
-}
-
-/// Takes a part of the load off slowly, down to another load (N): what is taken off at once looks like a broken string.
-fn take_off(bench: &mut ControlBench, mut hanging_n: f64, to_n: f64) -> Result<(), String> {
-    while hanging_n > to_n {
-        hanging_n = (hanging_n - TAKEN_OFF_N_PER_S * f64::from(TICK_S)).max(to_n);
-        bench.rig.set_plant(PlantKey::Load.name(), &hanging_n.to_string()).map_err(|e| e.to_string())?;
-        bench.tick(None);
-    }
-    Ok(())
 }
 
 /// Rms error of contractions under loads between those of the sweeps, as shares of the rig's true ones; none if the law has

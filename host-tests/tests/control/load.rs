@@ -3,14 +3,13 @@
 
 use super::{Keys, homed, load_error, load_n, track};
 use host_tests::ControlBench;
-use host_tests::load_changes::homed_under;
+use host_tests::load_changes::{hang, homed_under, lay_on};
 use host_tests::rigs::commission::Firmware;
 use host_tests::rigs::subject::Subject;
 use rig_config::Uncertainty;
 use rig_control::hysteresis::RodMemory;
 use rig_link::messages::{Doubt, Doubts, Fault, LoadChoice, Refusal, Request, State};
 use rig_plant::trial::{Stated, Trial};
-use rig_plant::units::STANDARD_GRAVITY;
 use rig_plant::{RigFault, RigPreset};
 
 /// Constants 10 % off, one at a time and all together, with twice the usual friction.
@@ -127,14 +126,11 @@ fn a_load_that_was_let_go_of_seems_heavier_than_one_that_was_hung_on_gently_and_
     let hung = |gently: bool| {
         let mut d = homed(&[("rod_hysteresis", "60MPa")], "0.2kg", "0.05", 1);
         track(&mut d, 0.006);
-        let to_n = 0.9 * STANDARD_GRAVITY;
-        let mut hanging_n = if gently { d.truth().load_n } else { to_n };
-        while hanging_n < to_n {
-            hanging_n = f64::min(hanging_n + 0.02, to_n);
-            d.rig.set_plant("load", &hanging_n.to_string()).unwrap();
-            d.tick(None);
+        if gently {
+            lay_on(&mut d, 0.2, 0.9).unwrap();
+        } else {
+            hang(&mut d, 0.9).unwrap();
         }
-        d.rig.set_plant("load", &to_n.to_string()).unwrap();
         d.run(5.0);
         load_n(&d)
     };
@@ -253,7 +249,7 @@ fn what_the_scene_says_itself_is_no_contradiction_to_it() {
 fn a_load_much_heavier_than_the_homed_one_is_no_fault() {
     for seed in [73, 87] {
         let mut bench = homed_under(&Subject::new(RigPreset::Nominal, seed), 0.3).expect("it can be homed");
-        super::hang(&mut bench, 0.3, 1.4);
+        lay_on(&mut bench, 0.3, 1.4).unwrap();
         bench.run(1.0);
         for (target_mm, speed_m_per_s) in
             [(2.0f32, 0.004), (5.0, f32::INFINITY), (3.0, 0.004), (5.0, 0.004), (1.0, 0.004)]

@@ -25,15 +25,6 @@ fn homed(keys: &[(&str, &str)], load: &str, friction: &str, seed: u64) -> Contro
     d
 }
 
-/// Changes the load by hand, 2 N a second.
-fn hang(d: &mut ControlBench, mut from_kg: f64, to_kg: f64) {
-    while from_kg != to_kg {
-        from_kg += (to_kg - from_kg).clamp(-0.01, 0.01);
-        d.rig.set_plant("load", &format!("{from_kg}kg")).unwrap();
-        d.run(0.05);
-    }
-}
-
 /// Moves at 2 mm/s; the maximum distance from the set-point on the way (m).
 fn track(d: &mut ControlBench, target_m: f32) -> f64 {
     d.tick(Some(go(target_m, 0.002)));

@@ -1,6 +1,7 @@
 //! Moves at the ends of the strings' travel, of loads that slip or change on the way, and as fast as the motor allows.
 
-use super::{go, hang, homed, track};
+use super::{go, homed, track};
+use host_tests::load_changes::lay_on;
 use host_tests::rigs::subject::Subject;
 use host_tests::{ControlBench, full_speed};
 use rand::{RngExt, SeedableRng};
@@ -34,7 +35,7 @@ fn a_move_that_ends_with_the_travel_says_by_how_much() {
     let mut short_moves = 0;
     for (seed, [heavy, light]) in [[1.196, 0.411], [1.1, 0.8], [0.75, 0.5], [0.9, 0.35]].into_iter().enumerate() {
         let mut d = homed(&[], &format!("{heavy}kg"), "0.1", seed as u64);
-        hang(&mut d, heavy, light);
+        lay_on(&mut d, heavy, light).unwrap();
         d.run(1.0);
         let min = lowest_m(&mut d, 0.0);
         // Through the place where a light load comes to rest with the strings at their end, or slips past its target there.
@@ -66,7 +67,7 @@ fn a_move_begins_where_the_load_is_and_not_at_a_place_that_it_cannot_reach() {
     let mut d = homed(&[], "1.2kg", "0.1", 7);
     d.run(0.1);
     d.move_to(0.003, 0.003, LoadChoice::Auto).unwrap();
-    hang(&mut d, 1.2, 0.5);
+    lay_on(&mut d, 1.2, 0.5).unwrap();
     // Longer than a following error may last.
     d.run(5.0);
     let telemetry = d.last.as_ref().unwrap().telemetry;
@@ -90,7 +91,7 @@ fn a_load_that_slips_past_its_target_has_not_arrived() {
         let mut d = ControlBench::new(&[("load", &format!("{heavy}kg"))], seed);
         d.home().unwrap();
         d.move_to(0.004, 0.003, LoadChoice::Auto).unwrap();
-        hang(&mut d, heavy, random.random_range(0.3..1.2));
+        lay_on(&mut d, heavy, random.random_range(0.3..1.2)).unwrap();
         d.run(1.0);
         if d.control.state() == State::Fault {
             d.tick(Some(Request::Clear));
@@ -178,7 +179,7 @@ fn loads_laid_on_by_hand_are_held_and_moved() {
         let mut load_kg = 4.9 / STANDARD_GRAVITY;
         for k in 0..30 {
             let to_kg = random.random_range(0.3..1.5);
-            hang(&mut d, load_kg, to_kg);
+            lay_on(&mut d, load_kg, to_kg).unwrap();
             load_kg = to_kg;
             d.run(1.0);
             let target_m = random.random_range(0.001..0.010);

@@ -90,7 +90,7 @@ fn a_pull_beyond_the_band_is_another_load_that_is_followed_in_the_time_constant(
     }
 }
 
-/// 8 N in the place of 5 N, let go of at once: they fall past their place and swing. Friction is none of what is looked at here.
+/// 8 N in the place of 5 N, let go of at once: they fall past their place and swing. The pulls here have no friction in them.
 #[test]
 fn rods_remember_half_of_what_a_load_pulls_beyond_its_weight_while_it_swings() {
     let mut observer = observer();
@@ -106,7 +106,7 @@ fn rods_remember_half_of_what_a_load_pulls_beyond_its_weight_while_it_swings() {
     let load_n = pulls(&mut observer, 8.0, 200).mechanism_load_n;
     assert!(most_n > load_n + 1.5);
     near(observer.heaviest_n(), load_n + 0.5 * (most_n - load_n), 0.15);
-    // A sensor that shifts is another matter: what it shows before the load stands again is forgotten with the homing.
+    // A sensor that shifted shows the same at first. Nothing is remembered before the load stands.
     let mut observer = self::observer();
     pulls(&mut observer, LOAD_N - FRICTION_N, 200);
     pulls(&mut observer, 12.0, 20);

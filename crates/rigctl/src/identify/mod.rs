@@ -48,7 +48,7 @@ fn zero_error_m(missed_m: f64) -> f64 {
 
 /// Standard error (relative) of a load that is weighed by a mechanism which misses so much of held-out rows (m, rms), and whose
 /// contraction goes so far with a relative change of the load (m). What it misses is smooth over a sweep, and homing finds most of
-/// it anew, as zero and slope of the LVDT and as growth of the radius. The third that is taken for load was chosen on the same
+/// it anew, as zero and slope of the LVDT and as growth of the radius. That a third is taken for load was chosen on the same
 /// plants as [`CHANGE_ERROR`].
 fn shape_error(missed_m: f64, by_load_m: f64) -> f64 {
     (missed_m / (3.0 * by_load_m)).hypot(CHANGE_ERROR).min(0.5)
