@@ -263,3 +263,20 @@ fn build(found: &Identified, firmware: &Firmware) -> Result<Firmware, String> {
         settings: firmware.settings,
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rigs::subject::EFFECTS;
+    use rig_plant::RigPreset;
+
+    #[test]
+    fn what_the_rods_remember_is_identified_from_the_sweep_after_the_heaviest_load() {
+        let hysteresis = EFFECTS.iter().find(|(name, _)| *name == "rod hysteresis").expect("an effect");
+        let rigs = [Subject::new(RigPreset::Ideal, 1), Subject::with_effect(hysteresis, RigPreset::Nominal, None, 1)];
+        let [without, with] = rigs.map(|rig| commission(&rig).1.expect("identified"));
+        assert_eq!([without.rod_memory.len(), with.rod_memory.len()], [1, 1]);
+        let stated = [without, with].map(|found| found.scene.uncertainty.rod_memory);
+        assert!(stated[0] < 0.03 && (0.1..0.4).contains(&stated[1]), "{stated:?}");
+    }
+}
