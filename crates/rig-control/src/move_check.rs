@@ -97,9 +97,10 @@ impl MoveStart<'_> {
             return Ok(());
         }
         Err(if target_m.is_finite() {
-            // A load that hangs below the lower end, and not only by noise, can be brought up from where it hangs.
-            let from_m = if self.position_m < lowest_m - TRAVEL_M { self.position_m } else { lowest_m };
-            let (min, max) = (from_m.min(highest_m), from_m.max(highest_m));
+            // A load that hangs beyond an end, and not only by noise, can be brought back from where it hangs.
+            let beyond = |past_m: f32, end_m: f32| if past_m > TRAVEL_M { self.position_m } else { end_m };
+            let min = beyond(lowest_m - self.position_m, lowest_m);
+            let max = beyond(self.position_m - highest_m, highest_m).max(min);
             Refusal::OutOfRange { parameter: Parameter::Target, min, max, given: target_m }
         } else {
             Refusal::NotFinite { parameter: Parameter::Target }

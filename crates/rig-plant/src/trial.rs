@@ -253,7 +253,8 @@ fn go(bench: &mut impl TrialBench, target_m: f32) -> Result<(), String> {
     let asked = Request::Move { target_m, speed_m_per_s: SPEED_M_PER_S, load: LoadChoice::Auto };
     let target_m = match bench.reply(asked) {
         Some(Err(Refusal::OutOfRange { parameter: Parameter::Target, min, max, .. })) => {
-            target_m.max(min + FROM_END_M).min(max - FROM_END_M)
+            let from_end_m = FROM_END_M.min(0.5 * (max - min));
+            target_m.max(min + from_end_m).min(max - from_end_m)
         }
         _ => target_m,
     };

@@ -3,6 +3,7 @@
 use crate::fixture::{constants, table};
 use rig_control::mechanism::{Mechanism, OUTSIDE_RAD};
 use rig_control::move_check::{MoveRequest, MoveStart, SPEED_MIN_M_PER_S};
+use rig_control::observer::TRAVEL_M;
 use rig_control::settings;
 use rig_link::messages::{GapCurve, LoadChoice, Parameter, Refusal, Setting, SettingValues};
 use std::f32::consts::PI;
@@ -84,6 +85,31 @@ fn what_a_refusal_allows_is_possible_for_a_load_that_hangs_below_zero() {
     let start = start(&defaults);
     let noisy = MoveStart { position_m: -5e-6, ..start };
     assert_eq!(range_of(noisy.check(&request(0.05))), range_of(start.check(&request(0.05))));
+}
+
+/// Friction holds a heavy load above what the strings could raise it to, or all that it reaches is below position 0.
+#[test]
+fn what_a_refusal_allows_is_possible_for_a_load_that_cannot_be_raised() {
+    let defaults = settings::defaults(&constants());
+    let twist_rad = table().metadata.twist_max_rad;
+    for (light_n, load_n, friction_n) in [(0.8, 16.5, 1.2), (0.3, 17.0, 1.0), (0.3, 16.5, 3.0)] {
+        let hangs_m = mechanism().at(load_n, twist_rad).gap_m;
+        for lifted_m in [0.0, 0.5e-3, 2e-3, 8e-3] {
+            // The light load was homed with the same LVDT, on a rig that is this much longer than the table's.
+            let zero_gap_m = mechanism().at(light_n, PI).gap_m - lifted_m;
+            let position_m = zero_gap_m - hangs_m;
+            let start =
+                MoveStart { mechanism_load_n: load_n, friction_n, twist_rad, position_m, zero_gap_m, ..start(&defaults) };
+            let (parameter, min_m, max_m) = range_of(start.check(&request(0.05)));
+            assert!(parameter == Parameter::Target && min_m <= max_m, "{min_m} to {max_m}");
+            assert!(max_m >= position_m - TRAVEL_M, "{position_m} m, where it hangs: {min_m} to {max_m}");
+            assert_eq!(range_of(start.check(&request(-0.05))), (parameter, min_m, max_m));
+            // Below position 0 it can only stay where it hangs.
+            for target_m in [min_m, 0.5 * (min_m + max_m), max_m].into_iter().filter(|_| position_m >= 0.0) {
+                assert_eq!(start.check(&request(target_m)), Ok(()), "{load_n} N at {position_m} m: {min_m} to {max_m}");
+            }
+        }
+    }
 }
 
 #[test]
