@@ -250,7 +250,7 @@ fn table(all: &[Tried]) -> Study {
             100.0 * scene().uncertainty.radius,
         ),
         format!(
-            "The doubt `load-unknown` was shown for so many of the loads that were off by more than {:.0} %, and of the others; \
+            "The doubt `load-unknown` was shown for these fractions of the loads that were off by more than {:.0} %, and of the others; \
              the area under the ROC curve is that of the stated error as a warning of them. {}.",
             100.0 * Warnings::WRONG,
             warned.join("; ")

@@ -174,7 +174,7 @@ plant_keys! {
     /// Temperature of rods and LVDT, less that of the calibration.
     Temperature = "temperature", temperature_k: f64 = 0.0, Temperature, [-100.0, 100.0], Always, Plant,
         Either [5.0, 10.0];
-    /// Coulomb friction at the motor's shaft (N m). By default so little that a load of 0.5 kg drives the motor back. Assumed.
+    /// Coulomb friction at the motor's shaft (N m). At its default 0.5 kg drives the motor back on an ideal plant. Assumed.
     MotorFriction = "motor_friction", motor_friction_nm: f64 = 2e-5, Torque, [0.0, 0.1], Always, Rig,
         Present [0.2e-3, 0.5e-3];
     /// Fraction by which that friction is greater towards more twist, and smaller towards less.
@@ -203,7 +203,7 @@ plant_keys! {
     /// Whether a motor-power relay is fitted: 1 is yes, 0 is no, and then the drive has power whatever the board does.
     RelayFitted = "relay_fitted", relay_fitted: f64 = 1.0, Number, [0.0, 1.0], AtStart, Rig;
     /// How long that relay goes on feeding the drive once its pin is low (s). By default that of a small power relay with a
-    /// flyback diode. Assumed.
+    /// flyback diode; the drawn one releases later. Assumed.
     RelayRelease = "relay_release", relay_release_s: f64 = 0.02, Time, [0.0, 10.0], Always, Rig;
 }
 

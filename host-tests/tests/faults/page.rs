@@ -1,27 +1,31 @@
 //! `docs/reference/faults.md` says what the code does, and `tested.md` where each fault is tested.
 
-use rig_control::supervisor::fault_policy::{After, Response, policy};
+use rig_control::supervisor::fault_policy::{After, POLICY, Policy, Response};
 use rig_link::messages::{Doubt, Fault, HomingFailure, Limit};
 
 /// The page for the person at the bench says of every fault what the code does about it.
 #[test]
 fn every_fault_is_documented_and_the_table_is_what_the_code_does() {
     let page = std::fs::read_to_string(host_tests::root().join("docs/reference/faults.md")).unwrap();
-    for &fault in Fault::ALL {
-        let told = match policy(fault).response {
+    let mut last = 0;
+    for Policy { fault, response, after, .. } in POLICY {
+        let told = match response {
             Response::Hold => "hold",
             Response::HoldByDrive => "hold by drive",
             Response::HoldIfHeard => "hold, if it hears",
-            Response::LetGo => "let go",
+            Response::LetGo => "torque off",
             Response::Wait => "nothing",
         };
-        let after = match policy(fault).after {
+        let after = match after {
             After::Nothing => "go on",
             After::Home => "`home`",
             After::Restart => "the drive restarts; `home`",
+            After::Never => "cannot be cleared",
         };
         let row = format!("| `{fault}` | {} | {told} | {after} |", fault.code());
-        assert!(page.contains(&row), "docs/reference/faults.md lacks the row {row}");
+        let at = page.find(&row).unwrap_or_else(|| panic!("docs/reference/faults.md lacks the row {row}"));
+        assert!(last < at, "docs/reference/faults.md has {fault} before a more severe fault");
+        last = at;
         let entry = page.split("\n### ").find(|e| e.starts_with(&format!("`{fault}`\n")));
         let entry = entry.unwrap_or_else(|| panic!("docs/reference/faults.md has no entry for {fault}"));
         for part in ["- **Means** ", "- **The rig** ", "- **Check** ", "- **Clear** "] {

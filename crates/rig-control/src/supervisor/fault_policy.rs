@@ -33,6 +33,8 @@ pub enum After {
     Home,
     /// `clear` starts the drive again, with a Reset that lets go of the load; then home.
     Restart,
+    /// `clear` is refused: the cause remains until another image is flashed, or the power was off.
+    Never,
 }
 
 /// One row of the table.
@@ -89,12 +91,12 @@ const NO_LVDT: [Fault; 3] = [Fault::FollowingError, Fault::ModelResidual, Fault:
 
 /// The table. Of faults with the same response that are found in the same tick, the earlier row is reported first.
 pub const POLICY: [Policy; Fault::ALL.len()] = [
-    row(Fault::TableCorrupt, Response::Wait, After::Restart, &[]),
+    row(Fault::TableCorrupt, Response::Wait, After::Never, &[]),
     row(Fault::SettingsCorrupt, Response::Wait, After::Restart, &[]),
     row(Fault::Panicked, Response::Wait, After::Restart, &[]),
     row(Fault::WatchdogReset, Response::Wait, After::Restart, &[]),
     row(Fault::UnexpectedReset, Response::Wait, After::Restart, &[]),
-    row(Fault::ClockSource, Response::Wait, After::Restart, &NO_DRIVE),
+    row(Fault::ClockSource, Response::Wait, After::Never, &NO_DRIVE),
     row(Fault::DriveStartUp, Response::Wait, After::Restart, &NO_DRIVE),
     row(Fault::DriveStall, Response::LetGo, After::Restart, &NO_DRIVE),
     row(Fault::DriveReset, Response::LetGo, After::Restart, &NO_DRIVE),
@@ -221,7 +223,7 @@ mod tests {
             assert_eq!(POLICY.iter().filter(|row| row.fault == fault).count(), 1, "{fault}");
         }
         assert!(POLICY.windows(2).all(|rows| rows[0].response >= rows[1].response));
-        assert!(POLICY.iter().all(|row| row.response == Response::Hold || row.after == After::Restart));
+        assert!(POLICY.iter().all(|row| row.response == Response::Hold || row.after >= After::Restart));
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! What the host asks, and what may begin now.
 
-use super::fault_policy::{After, POLICY, Response};
+use super::fault_policy::{After, POLICY, Response, policy};
 use super::guard::SHORT_TICKS;
 use super::load_control::{LoadControl, Move};
 use super::modes::{Boot, First, Jog, Mode};
@@ -228,7 +228,7 @@ impl Controller {
         }
         let restart = matches!(self.mode, Mode::EStop(_)) || !self.sensing.drive_zero.is_matched();
         match if restart { After::Restart } else { latched.after() } {
-            After::Restart => {
+            After::Restart | After::Never => {
                 self.restart();
                 return Ok(Accepted::Done);
             }
@@ -245,7 +245,7 @@ impl Controller {
 
     fn cause_remains(&self, fault: Fault, inputs: &Inputs) -> bool {
         match fault {
-            Fault::TableCorrupt | Fault::ClockSource => true,
+            _ if policy(fault).after == After::Never => true,
             Fault::CanBusOff => inputs.bus_off,
             Fault::Supply => super::guard::supply_off_us(inputs, &self.constants).is_some(),
             _ => self.sensing.readings.lvdt == LvdtReading::Invalid(fault),

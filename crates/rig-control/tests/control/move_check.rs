@@ -98,8 +98,14 @@ fn what_a_refusal_allows_is_possible_for_a_load_that_cannot_be_raised() {
             // The light load was homed with the same LVDT, on a rig that is this much longer than the table's.
             let zero_gap_m = mechanism().at(light_n, PI).gap_m - lifted_m;
             let position_m = zero_gap_m - hangs_m;
-            let start =
-                MoveStart { mechanism_load_n: load_n, friction_n, twist_rad, position_m, zero_gap_m, ..start(&defaults) };
+            let start = MoveStart {
+                mechanism_load_n: load_n,
+                friction_n,
+                twist_rad,
+                position_m,
+                zero_gap_m,
+                ..start(&defaults)
+            };
             let (parameter, min_m, max_m) = range_of(start.check(&request(0.05)));
             assert!(parameter == Parameter::Target && min_m <= max_m, "{min_m} to {max_m}");
             assert!(max_m >= position_m - TRAVEL_M, "{position_m} m, where it hangs: {min_m} to {max_m}");

@@ -74,7 +74,7 @@ pub fn run(global: &Global, Lookup { at }: &Lookup, output: &mut Output) -> Resu
     let table = fit.table.table();
     let heading = format!(
         "{:>10} {:>8} {:>14} {:>11} {:>11} {:>12}",
-        "load N", "turns", "contraction mm", "gap mm", "TR rad/mm", "sag mm/N"
+        "load N", "turns", "contraction mm", "gap mm", "TR rad/mm", "gap mm/N"
     );
     let line = |a: &Answer| {
         format!(

@@ -221,7 +221,7 @@ pub fn answer(at: &At, scene: &Scene, way: Way<'_>, output: &mut Output) -> Resu
     let Some(query) = at.one() else {
         let heading = format!(
             "{:>10} {:>8} {:>12} {:>14} {:>12} {:>12} {:>14}  warnings",
-            "load N", "turns", "helix rad", "contraction mm", "sag mm", "TR rad/mm", "tier"
+            "load N", "turns", "helix rad", "contraction mm", "deflection mm", "TR rad/mm", "tier"
         );
         let line = |s: &Solution| {
             format!(
@@ -256,7 +256,7 @@ pub fn answer(at: &At, scene: &Scene, way: Way<'_>, output: &mut Output) -> Resu
         ("gap per load", MM_PER_N.show(s.dgap_dload_m_per_n)),
         ("torque", MNM.show(s.torque_nm)),
         ("contraction", mm(s.contraction_m)),
-        ("sag under load", mm(s.load_sag_m)),
+        ("static deflection", mm(s.load_sag_m)),
         ("TR", RAD_PER_MM.show(tr(&s))),
         ("warnings", s.warnings.join(", ")),
     ])?;
