@@ -80,7 +80,7 @@ pub fn control(data: &[u8]) {
             assert!(speed_limit_rpm >= 0 && (50..=constants().current_limit_ma).contains(&current_limit_ma));
             assert!(QuadCounts(position_qc).0 == position_qc);
         }
-        check_telemetry(&rig.telemetry(&inputs));
+        check_telemetry(&outputs.telemetry);
     }
 }
 

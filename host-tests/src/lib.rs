@@ -22,7 +22,7 @@ pub mod speed;
 pub mod study;
 pub mod sweep;
 
-pub use rig_plant::bench::{ControlBench, ControlLaw, ControlTick, Tamper, booted, constants, scene, table};
+pub use rig_plant::bench::{ControlBench, ControlLaw, Tamper, booted, constants, scene, table};
 use std::path::{Path, PathBuf};
 
 /// The repository.

@@ -11,15 +11,14 @@ use embassy_stm32::timer::qei::Qei;
 use embassy_time::{Duration, Instant, Ticker};
 use rig_control::sensors::EncoderCount;
 use rig_control::{Controller, DriveCommand, Inputs, Outputs, TICK_US};
-use rig_link::messages::{Counters, Fault, Message, Request, State, Telemetry};
+use rig_link::messages::{Counters, Fault, Message, Request, State};
 use static_cell::StaticCell;
 
-/// One tick: the step, then the telemetry of it. Named and kept apart so that its instructions can be counted.
+/// One tick. Named and kept apart so that its instructions can be counted.
 #[unsafe(no_mangle)]
 #[inline(never)]
-fn control_tick(rig: &mut Controller, inputs: &Inputs) -> (Outputs, Telemetry) {
-    let outputs = rig.step(inputs);
-    (outputs, rig.telemetry(inputs))
+fn control_tick(rig: &mut Controller, inputs: &Inputs) -> Outputs {
+    rig.step(inputs)
 }
 
 #[embassy_executor::task]
@@ -70,7 +69,7 @@ pub async fn run(encoder: Qei<'static, TIM3>, mut switches: Switches, mut leds: 
         };
         let before = rig.state();
         let began = DWT::cycle_count();
-        let (outputs, telemetry) = control_tick(rig, &inputs);
+        let outputs = control_tick(rig, &inputs);
         longest_tick_us = longest_tick_us.max(DWT::cycle_count().wrapping_sub(began) / CYCLES_PER_US);
         let driving = match outputs.drive {
             DriveCommand::Follow { .. } => true,
@@ -108,7 +107,7 @@ pub async fn run(encoder: Qei<'static, TIM3>, mut switches: Switches, mut leds: 
             longest_tick_us,
         };
         shared::SENSORS.set(Some(rig.sensors(&inputs, counters)));
-        shared::show(telemetry);
+        shared::show(outputs.telemetry);
         leds.fault.set_level(matches!(rig.state(), State::Fault | State::EStop).into());
         ticks = ticks.wrapping_add(1);
         if ticks.is_multiple_of(50) {

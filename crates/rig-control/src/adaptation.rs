@@ -21,14 +21,6 @@ const HALF_LEARNED_N: f32 = 3.0;
 const MIN_SPREAD_TO_JUDGE_N: f32 = 1.25;
 /// Moves in a row beyond the bound that are neither chance nor a load that somebody goes on filling.
 const DOUBTFUL_MOVES: u8 = 2;
-/// Result of one move.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Finding {
-    /// Change of the scale; 0 if it taught nothing about it.
-    scale_change: f32,
-    /// Whether the load weighed the same all along the move, drift aside; `None` if the move was too short to judge.
-    agrees: Option<bool>,
-}
 
 /// Regression of the load that is shown over x along one move, and the scale.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -65,13 +57,10 @@ impl Adaptation {
         if observation.changing || observer.source != LoadChoice::Auto {
             self.forget_move();
         } else if done {
-            let finding = self.end_move(*twist_scale, observer.known_errors());
-            if let Some(agrees) = finding.agrees {
+            if let Some((scale_change, agrees)) = self.end_move(*twist_scale, observer.known_errors()) {
                 observer.end_move(agrees);
-            }
-            if finding.scale_change != 0.0 {
-                *twist_scale += finding.scale_change;
-                observer.rescale(-x * finding.scale_change);
+                *twist_scale += scale_change;
+                observer.apparent_n -= x * scale_change;
             }
         } else if observation.moved_m > 0.0 {
             // The estimate follows with a lag, from one end of the friction band to the other or from a load that has changed
@@ -95,8 +84,9 @@ impl Adaptation {
         self.together += from_x * (load_n - self.mean_load);
     }
 
-    /// Ends a move at a scale; its result.
-    fn end_move(&mut self, twist_scale: f32, known: KnownErrors) -> Finding {
+    /// Ends a move at a scale: the change of the scale, 0 if it taught nothing about it, and whether the load weighed the same all
+    /// along the move, drift aside; `None` if the move was too short to judge.
+    fn end_move(&mut self, twist_scale: f32, known: KnownErrors) -> Option<(f32, bool)> {
         let slope = self.together / self.spread;
         let variance_n2 = self.spread / self.count;
         let is_long = self.count >= f32::from(SETTLED_TICKS);
@@ -108,13 +98,12 @@ impl Adaptation {
         let doubtful = drift > bound + known.change && drift * libm::sqrtf(variance_n2) > known.noise_n;
         let can_judge = doubtful || variance_n2 >= MIN_SPREAD_TO_JUDGE_N * MIN_SPREAD_TO_JUDGE_N;
         if !is_long || !can_judge || !slope.is_finite() {
-            return Finding { scale_change: 0.0, agrees: None };
+            return None;
         }
         self.doubtful = if doubtful { self.doubtful.saturating_add(1) } else { 0 };
-        let agrees = Some(drift <= bound);
         // What is beyond the bound is no drift, and teaches nothing about it.
         let scale = twist_scale + if drift <= LARGEST_DRIFT { learned * slope } else { 0.0 };
-        Finding { scale_change: bounded_scale(scale) - twist_scale, agrees }
+        Some((bounded_scale(scale) - twist_scale, drift <= bound))
     }
 
     /// Whether gap and table have parted: the slopes of the last moves are no drift.
@@ -135,7 +124,7 @@ mod tests {
                 let x = 0.5 + 0.02 * f32::from(k);
                 a.record(x, load(k) + x * (true_scale - scale));
             }
-            scale += a.end_move(scale, KnownErrors::default()).scale_change;
+            scale += a.end_move(scale, KnownErrors::default()).map_or(0.0, |(change, _)| change);
         }
         scale
     }
@@ -156,7 +145,7 @@ mod tests {
                 let x = 20.0 + if k % 2 == 0 { spread_n } else { -spread_n };
                 a.record(x, 5.0 + 0.01 * x);
             }
-            let learned = a.end_move(1.0, KnownErrors::default()).scale_change / 0.01;
+            let learned = a.end_move(1.0, KnownErrors::default()).map_or(0.0, |(change, _)| change) / 0.01;
             assert!((learned - part).abs() < 1e-3, "{spread_n} N: {learned}");
         }
     }
@@ -169,7 +158,7 @@ mod tests {
     /// Ends a move along which the estimate was off by x · `slope`; whether the load weighed the same.
     fn ends(a: &mut Adaptation, slope: f32, known: KnownErrors) -> Option<bool> {
         (0..300u16).for_each(|n| a.record(0.02 * f32::from(n), 1.0 + 0.02 * f32::from(n) * slope));
-        a.end_move(1.0, known).agrees
+        a.end_move(1.0, known).map(|(_, agrees)| agrees)
     }
 
     #[test]
@@ -221,7 +210,7 @@ mod tests {
         let ends = |a: &mut Adaptation, slope: f32| {
             // The rms of x is 0.87 N.
             (0..300u16).for_each(|n| a.record(0.01 * f32::from(n), 1.0 + 0.01 * f32::from(n) * slope));
-            a.end_move(1.0, known).agrees
+            a.end_move(1.0, known).map(|(_, agrees)| agrees)
         };
         let mut a = Adaptation::new(1.0);
         assert_eq!([0.02, 0.08, 0.2].map(|slope| ends(&mut a, slope)), [None, None, Some(false)]);
@@ -234,9 +223,8 @@ mod tests {
     fn short_moves_and_nonsense_teach_nothing() {
         let mut a = Adaptation::new(1.0);
         (0..1000).for_each(|_| a.record(2.0, 5.0));
-        let nothing = Finding { scale_change: 0.0, agrees: None };
-        assert_eq!(a.end_move(1.0, KnownErrors::default()), nothing);
+        assert_eq!(a.end_move(1.0, KnownErrors::default()), None);
         (0..1000u16).for_each(|k| a.record(f32::from(k), f32::NAN));
-        assert_eq!(a.end_move(1.0, KnownErrors::default()), nothing);
+        assert_eq!(a.end_move(1.0, KnownErrors::default()), None);
     }
 }

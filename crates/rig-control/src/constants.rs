@@ -84,24 +84,15 @@ impl TwistLimits {
 }
 
 impl RigConstants {
-    /// +1 where the strings are twisted as the encoder counts, −1 where the other way.
-    pub fn twist_sign(&self) -> f32 {
-        1f32.copysign(self.counts_per_rad)
-    }
-
     /// Maximum speed of the strings' twist (rad/s).
     pub fn twist_speed_max(&self) -> f32 {
         self.motor_speed_max_rad_per_s / self.gear_ratio
     }
 
-    /// Maximum acceleration of the strings' twist (rad/s²).
-    pub fn twist_acceleration_max(&self) -> f32 {
-        self.motor_acceleration_max_rad_per_s2 / self.gear_ratio
-    }
-
     /// Maximum speed and acceleration of the strings' twist.
     pub fn twist_limits(&self) -> TwistLimits {
-        TwistLimits { speed: self.twist_speed_max(), acceleration: self.twist_acceleration_max() }
+        let acceleration = self.motor_acceleration_max_rad_per_s2 / self.gear_ratio;
+        TwistLimits { speed: self.twist_speed_max(), acceleration }
     }
 
     /// Gap (m) at a mean ADC code of the LVDT, calibrated.
@@ -110,15 +101,11 @@ impl RigConstants {
         self.lvdt_offset_m + self.lvdt_gain * self.lvdt_curve.map_or(sensor_m, |curve| curve.gap_m(sensor_m))
     }
 
-    /// The LVDT's reading by the scene's numbers alone (m) at a calibrated gap (m).
-    pub fn lvdt_sensor_m(&self, gap_m: f32) -> f32 {
-        let corrected_m = (gap_m - self.lvdt_offset_m) / self.lvdt_gain;
-        self.lvdt_curve.map_or(corrected_m, |curve| curve.sensor_m(corrected_m))
-    }
-
     /// Mean ADC code of the LVDT at a calibrated gap (m): the inverse of [`RigConstants::lvdt_gap_m`].
     pub fn lvdt_mean_code(&self, gap_m: f32) -> f32 {
-        (self.lvdt_sensor_m(gap_m) - self.lvdt_gap_at_code_zero_m) / self.lvdt_metres_per_code
+        let corrected_m = (gap_m - self.lvdt_offset_m) / self.lvdt_gain;
+        let sensor_m = self.lvdt_curve.map_or(corrected_m, |curve| curve.sensor_m(corrected_m));
+        (sensor_m - self.lvdt_gap_at_code_zero_m) / self.lvdt_metres_per_code
     }
 
     /// Error of a change of the gap by the LVDT. Without points of a calibration it is the data sheet's non-linearity; with
@@ -202,7 +189,6 @@ pub(crate) mod tests {
         assert!((limits.speed - 1047.0 / 62.0).abs() < 1e-5);
         assert!((limits.acceleration - 12_000.0 / 62.0).abs() < 1e-4);
         assert!((RIG.lvdt_gap_m(1000.0) - 0.06372).abs() < 1e-7);
-        assert_eq!(RIG.twist_sign(), 1.0);
         let calibrated = RigConstants {
             lvdt_curve: LvdtCurve::new(&[[0.05, 0.5e-3], [0.06, -0.2e-3], [0.08, 0.0]], 2e-5).ok(),
             lvdt_gain: 1.01,
@@ -226,6 +212,5 @@ pub(crate) mod tests {
             (points.of(0.02) - 2e-5 * 2f32.sqrt()).abs() < 1e-9
                 && (points.of(3e-3) / points.of(0.02) - 0.2).abs() < 1e-5
         );
-        assert_eq!(RigConstants { counts_per_rad: -1.0, ..RIG }.twist_sign(), -1.0);
     }
 }

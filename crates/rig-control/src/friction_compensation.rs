@@ -14,7 +14,7 @@ use crate::ramp::Ramp;
 const AT_TARGET: f32 = 0.8;
 
 /// Positions of a load that is still stuck.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 struct StuckLoad {
     sum_m: f32,
     count: f32,
@@ -22,8 +22,6 @@ struct StuckLoad {
 }
 
 impl StuckLoad {
-    const NEW: Self = Self { sum_m: 0.0, count: 0.0, last_m: 0.0 };
-
     /// Adds one position; whether the load has moved: along with its strings, or either way because it has changed.
     fn moved(&mut self, load: &LoadState<'_>) -> bool {
         let recent_m = 0.5 * (self.last_m + load.position_m);
@@ -36,34 +34,20 @@ impl StuckLoad {
 }
 
 /// State of the compensation.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct FrictionCompensation {
     /// Twist ahead of the set-point (rad).
     ramp: Ramp,
     end_rad: f32,
     /// Sign of the motion for which friction was last taken up.
     direction: f32,
-    /// The twist for that motion has been worked out.
-    planned: bool,
+    /// The twist for that motion is still to be worked out.
+    unplanned: bool,
     stuck: StuckLoad,
-    /// The set-point waits for the compensation.
-    waiting: bool,
-    /// What is left of the planned part (s).
-    left_s: f32,
-}
-
-impl Default for FrictionCompensation {
-    fn default() -> Self {
-        Self {
-            ramp: Ramp::at(0.0),
-            end_rad: 0.0,
-            direction: 0.0,
-            planned: true,
-            stuck: StuckLoad::NEW,
-            waiting: false,
-            left_s: 0.0,
-        }
-    }
+    /// A move that has set out waits with its set-point.
+    pub waiting: bool,
+    /// How long it still waits (s), as planned in its first tick.
+    pub left_s: f32,
 }
 
 impl FrictionCompensation {
@@ -71,23 +55,13 @@ impl FrictionCompensation {
     pub fn set_out(&mut self, direction: f32) {
         self.turn(direction);
         self.waiting = direction != 0.0;
-        self.stuck = StuckLoad::NEW;
-    }
-
-    /// Whether a move that has set out still waits.
-    pub fn is_waiting(&self) -> bool {
-        self.waiting
-    }
-
-    /// How long it still waits (s), as planned in its first tick.
-    pub fn left_s(&self) -> f32 {
-        self.left_s
+        self.stuck = StuckLoad::default();
     }
 
     fn turn(&mut self, direction: f32) {
         self.direction = direction;
         self.end_rad = self.ramp.position;
-        self.planned = direction == 0.0;
+        self.unplanned = direction != 0.0;
         self.left_s = 0.0;
     }
 
@@ -107,7 +81,7 @@ impl FrictionCompensation {
         if direction != self.direction {
             self.turn(direction);
         }
-        if !core::mem::replace(&mut self.planned, true) {
+        if core::mem::take(&mut self.unplanned) {
             self.plan(if set_point.done { AT_TARGET } else { 1.0 }, load);
             self.left_s = Ramp::duration_s(self.end_rad - self.ramp.position, limits.speed, limits.acceleration);
         }

@@ -55,7 +55,7 @@ impl Limits {
         let holding = pull_n / (tr_rad_per_m * torque_per_a * 1e-3 * f32::from(rig.current_limit_ma));
         let spare = (1.0 - holding).clamp(MIN_SPARE, 1.0);
         let fastest = PLANNED_FRACTION * rig.twist_speed_max() / tr_rad_per_m;
-        let unloaded = ACCELERATION_FRACTION * rig.twist_acceleration_max() / tr_rad_per_m;
+        let unloaded = ACCELERATION_FRACTION * rig.twist_limits().acceleration / tr_rad_per_m;
         let hardest = spare * unloaded;
         let speed = asked.min(fastest);
         let rise_s = rise_s(pull_n, point.dgap_dload_m_per_n);

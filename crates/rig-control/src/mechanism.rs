@@ -57,8 +57,7 @@ impl Mechanism<'_> {
 
     /// Maximum twist (rad) that both the strings and the table stand.
     pub fn twist_max_rad(&self) -> f32 {
-        let m = &self.table.metadata;
-        m.twist_max_rad / self.twist_scale.max(1.0)
+        self.table.metadata.twist_max_rad / self.twist_scale.max(1.0)
     }
 }
 

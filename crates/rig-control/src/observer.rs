@@ -58,9 +58,9 @@ pub struct KnownErrors {
 #[derive(Clone, Copy, Debug)]
 pub struct LoadObserver {
     /// How the load moves; `None` before the first gap and outside the table's twists.
-    motion: Option<LoadMotion>,
+    pub motion: Option<LoadMotion>,
     /// The apparent load (N).
-    apparent_n: f32,
+    pub apparent_n: f32,
     /// As homing left it: apparent load (N), covariance of scale, curve and slope, noise of the gap (m), relative error of a change.
     homed_n: f32,
     covariance: [f32; 6],
@@ -70,7 +70,7 @@ pub struct LoadObserver {
     /// operator gives includes. All of homing's error where homing could not weigh the load.
     hidden_error: f32,
     /// What the rods remember.
-    memory: RodMemory,
+    pub memory: RodMemory,
     /// Maximum pull, less noise, since the load last stood (N).
     peak_n: f32,
     /// Time since homing (s).
@@ -164,26 +164,6 @@ impl LoadObserver {
     /// The load that hangs (N).
     pub fn load_n(&self) -> f32 {
         self.memory.load_n(self.apparent_n)
-    }
-
-    /// The load that the table's mechanism shows at this twist and gap (N).
-    pub fn apparent_n(&self) -> f32 {
-        self.apparent_n
-    }
-
-    /// Heaviest load that the rods remember (N).
-    pub fn heaviest_n(&self) -> f32 {
-        self.memory.heaviest_n
-    }
-
-    /// How the load moved when the gap was measured.
-    pub fn motion(&self) -> Option<&LoadMotion> {
-        self.motion.as_ref()
-    }
-
-    /// Adds `change_n` (N), by which another scale of the twist changes the estimate.
-    pub fn rescale(&mut self, change_n: f32) {
-        self.apparent_n += change_n;
     }
 
     /// Ends a move along which the load weighed the same (`agrees`) or did not. A move up and a move down with the same
@@ -420,11 +400,11 @@ mod tests {
         let mut o = observer(0.0);
         for (change_n, confirmed) in [(0.45, true), (0.1, false), (-1.0, true), (-0.1, false)] {
             o.apparent_n += change_n;
-            assert_eq!(o.is_confirmed(), confirmed, "{}", o.apparent_n());
+            assert_eq!(o.is_confirmed(), confirmed, "{}", o.apparent_n);
         }
         // Up and down differ by 6 %, and then by 4 %.
-        for (up_n, confirmed) in [(1.06 * o.apparent_n(), false), (1.04 * o.apparent_n(), true)] {
-            let down_n = o.apparent_n();
+        for (up_n, confirmed) in [(1.06 * o.apparent_n, false), (1.04 * o.apparent_n, true)] {
+            let down_n = o.apparent_n;
             (o.direction, o.moved_load_n) = (-1.0, [None; 2]);
             o.end_move(true);
             (o.direction, o.apparent_n) = (1.0, up_n);
@@ -439,7 +419,7 @@ mod tests {
     fn a_load_on_rods_that_remember_a_heavier_one_seems_heavier_than_what_is_reported() {
         let o = after(6.0, 0.0);
         let excess = 0.2 * memory_shape(5.0, 6.0);
-        assert!(same(o.apparent_n(), 5.0 * (1.0 + excess)) && same(o.load_n(), 5.0), "{o:?}");
+        assert!(same(o.apparent_n, 5.0 * (1.0 + excess)) && same(o.load_n(), 5.0), "{o:?}");
         let error_n = o.still_error_n(&POINT, 0.0);
         let parts = [MEMORY_ERROR * excess * 5.0, NOISE_N, DRIFT_N];
         assert!(same(error_n, NINETY_PERCENT * together(&parts)), "{error_n}");

@@ -15,12 +15,15 @@ const MIN_LEFT: f32 = 0.2;
 const PIECES: u8 = 16;
 /// Steps of the search for the acceleration that just still stops at the target.
 const SEARCH_STEPS: u8 = 7;
-/// Position, speed and acceleration of the set-point.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Motion {
-    position: f32,
-    speed: f32,
-    acceleration: f32,
+/// Motion of a set-point, or of a target.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Motion {
+    /// Where it is (m).
+    pub position: f32,
+    /// How fast it moves (m/s).
+    pub speed: f32,
+    /// How fast that changes (m/s²).
+    pub acceleration: f32,
 }
 
 impl Motion {
@@ -100,21 +103,11 @@ fn made_up(difference: f32, per_s: f32, limit: f32) -> (f32, f32) {
 }
 
 /// Jerk-limited motion, time-optimal but for the tick.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct Planner {
     now: Motion,
-    target: f32,
-}
-
-/// A target that moves.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct MovingTarget {
-    /// Where it is (m).
-    pub position_m: f32,
-    /// How fast it moves (m/s).
-    pub speed_m_per_s: f32,
-    /// How fast that changes (m/s²).
-    pub acceleration_m_per_s2: f32,
+    /// Target (m).
+    pub target_m: f32,
 }
 
 /// Set-point of one tick.
@@ -142,12 +135,7 @@ impl SetPoint {
 impl Planner {
     /// At rest at a position (m).
     pub const fn at(position_m: f32) -> Self {
-        Self { now: Motion { position: position_m, speed: 0.0, acceleration: 0.0 }, target: position_m }
-    }
-
-    /// Target (m).
-    pub fn target_m(&self) -> f32 {
-        self.target
+        Self { now: Motion { position: position_m, speed: 0.0, acceleration: 0.0 }, target_m: position_m }
     }
 
     /// Speed of the set-point (m/s).
@@ -162,14 +150,14 @@ impl Planner {
 
     /// Whether the set-point stands at its target.
     pub fn is_at_rest(&self) -> bool {
-        self.now == Self::at(self.target).now
+        self.now == Self::at(self.target_m).now
     }
 
     /// Direction (±1) of a move that is about to leave rest; 0 under way and at the target.
     pub fn setting_out(&self) -> f32 {
         let at_rest = self.now.speed == 0.0 && self.now.acceleration == 0.0;
-        if at_rest && self.target != self.now.position {
-            libm::copysignf(1.0, self.target - self.now.position)
+        if at_rest && self.target_m != self.now.position {
+            libm::copysignf(1.0, self.target_m - self.now.position)
         } else {
             0.0
         }
@@ -182,20 +170,15 @@ impl Planner {
 
     /// At rest: goes on from another place (m), if that lies on the way.
     pub fn set_out_from(&mut self, position_m: f32) {
-        let (low, high) = (self.now.position.min(self.target), self.now.position.max(self.target));
+        let (low, high) = (self.now.position.min(self.target_m), self.now.position.max(self.target_m));
         self.now.position = position_m.clamp(low, high);
-    }
-
-    /// Sets another target (m).
-    pub fn go_to(&mut self, target_m: f32) {
-        self.target = target_m;
     }
 
     /// How long (s) until the set-point is at its target, at a speed (m/s) at most, before the move has begun. Where the motor
     /// limits the speed, the speed follows TR along the way, which no closed formula gives. So the way is divided into pieces;
     /// TR at the middle of each piece gives its speed limit and the twist at its end.
     pub fn time_to_target_s(&self, asked_m_per_s: f32, load: &LoadState<'_>, rig: &RigConstants) -> f32 {
-        let distance_m = self.target_m() - self.set_point_m();
+        let distance_m = self.target_m - self.set_point_m();
         let direction = libm::copysignf(1.0, distance_m);
         let piece_m = distance_m.abs() / f32::from(PIECES);
         // What the strings pull on the way: they carry friction upwards, and friction carries the load downwards.
@@ -216,32 +199,32 @@ impl Planner {
 
     /// Comes to rest as soon as the limits allow.
     pub fn brake(&mut self, limits: &Limits) {
-        self.go_to(self.now.stop(limits));
+        self.target_m = self.now.stop(limits);
     }
 
     /// One tick after a target that moves, and whether the speed limit holds it back. Speed, acceleration and jerk stay within
     /// their limits; the set-point comes to the target without an overshoot from wherever it is.
-    pub fn follow(&mut self, target: &MovingTarget, limits: &Limits) -> (SetPoint, bool) {
+    pub fn follow(&mut self, target: &Motion, limits: &Limits) -> (SetPoint, bool) {
         let before = self.now;
         let [of_position, of_speed] = FOLLOWS_PER_S;
         // The target is that of the end of the tick.
         let ahead = before.after(before.acceleration);
-        let behind_m = target.position_m - ahead.position;
+        let behind_m = target.position - ahead.position;
         // What the target's own acceleration leaves of the limit.
-        let left = limits.acceleration - target.acceleration_m_per_s2.abs();
+        let left = limits.acceleration - target.acceleration.abs();
         let (catches_up, per_s) = made_up(behind_m, of_position, left.max(MIN_LEFT * limits.acceleration));
-        let wanted = target.speed_m_per_s + catches_up;
+        let wanted = target.speed + catches_up;
         let held_back = wanted.abs() > limits.speed;
         let slower = wanted.clamp(-limits.speed, limits.speed) - ahead.speed;
         // How the wanted speed itself changes.
-        let rises = target.acceleration_m_per_s2 + per_s * (target.speed_m_per_s - ahead.speed);
+        let rises = target.acceleration + per_s * (target.speed - ahead.speed);
         let given = if held_back { 0.0 } else { rises };
         let wanted = given + made_up(slower, of_speed, limits.jerk).0;
         let within = wanted.max(before.keeps(-limits.speed, limits)).min(before.keeps(limits.speed, limits));
         let unit = limits.jerk * TICK_S;
         self.now = before.after(within.clamp(before.acceleration - unit, before.acceleration + unit));
-        self.target = target.position_m;
-        if target.speed_m_per_s == 0.0 {
+        self.target_m = target.position;
+        if target.speed == 0.0 {
             self.arrive(unit);
         }
         (self.set_point(before.acceleration), held_back)
@@ -266,12 +249,12 @@ impl Planner {
         }
         let before = self.now.acceleration;
         // Counted towards the target: both directions are alike, and the maximum acceleration is tried first.
-        let way = libm::copysignf(1.0, self.target - self.now.position);
+        let way = libm::copysignf(1.0, self.target_m - self.now.position);
         let now = self.now.mirrored(way);
         let unit = limits.jerk * TICK_S;
         let within = |a: f32| a.clamp(now.acceleration - unit, now.acceleration + unit);
         let (high, low) = (within(now.keeps(limits.speed, limits)), within(now.keeps(-limits.speed, limits)));
-        self.now = now.after(now.still_stops(way * self.target, low.min(high), high, limits)).mirrored(way);
+        self.now = now.after(now.still_stops(way * self.target_m, low.min(high), high, limits)).mirrored(way);
         self.arrive(unit);
         self.set_point(before)
     }
@@ -279,10 +262,10 @@ impl Planner {
     /// Stands at the target if it is nearer than half of what the jerk moves it by in a tick, in which the acceleration changes
     /// by `unit` (m/s²).
     fn arrive(&mut self, unit: f32) {
-        let near = (self.target - self.now.position).abs() <= 0.5 * unit * TICK_S * TICK_S + f32::EPSILON;
+        let near = (self.target_m - self.now.position).abs() <= 0.5 * unit * TICK_S * TICK_S + f32::EPSILON;
         let slow = self.now.speed.abs() <= unit * TICK_S && self.now.acceleration.abs() <= 1.01 * unit;
         if near && slow {
-            *self = Self::at(self.target);
+            *self = Self::at(self.target_m);
         }
     }
 }

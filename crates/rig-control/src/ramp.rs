@@ -3,7 +3,7 @@
 use crate::TICK_S;
 
 /// Position and speed of a ramp. Unit-free: metres of load or radians of twist.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Ramp {
     /// Where it is.
     pub position: f32,

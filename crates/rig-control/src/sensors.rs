@@ -40,9 +40,10 @@ impl LvdtBlock {
 }
 
 /// The LVDT's reading.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum LvdtReading {
     /// No block yet.
+    #[default]
     NotYet,
     /// Gap between the clamps by the LVDT.
     Valid {
@@ -84,24 +85,13 @@ pub(crate) const OLD_US: u64 = 55_000;
 pub const GAP_DELAY_S: f32 = 3.8e-3;
 
 /// Watches the LVDT's health and converts its codes.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct Lvdt {
     frozen_blocks: u32,
     last_t_us: u64,
 }
 
-impl Default for Lvdt {
-    fn default() -> Self {
-        Self::new()
-    }
-}
-
 impl Lvdt {
-    /// Before the first block.
-    pub const fn new() -> Self {
-        Self { frozen_blocks: 0, last_t_us: 0 }
-    }
-
     /// The reading now, from the newest block.
     pub fn read(&mut self, now_us: u64, block: Option<LvdtBlock>, rig: &RigConstants) -> LvdtReading {
         let Some(block) = block else {
@@ -169,7 +159,7 @@ mod tests {
 
     #[test]
     fn each_lvdt_fault_fires_and_its_near_miss_does_not() {
-        let read = |mean: f32, variance: f32| Lvdt::new().read(1000, block(1000, mean, variance), &RIG);
+        let read = |mean: f32, variance: f32| Lvdt::default().read(1000, block(1000, mean, variance), &RIG);
         assert_eq!(read(40.0, 1.0), LvdtReading::Invalid(Fault::LvdtOpen));
         assert!(matches!(read(42.0, 1.0), LvdtReading::Valid { .. }));
         assert_eq!(read(4055.0, 1.0), LvdtReading::Invalid(Fault::LvdtShort));
@@ -188,7 +178,7 @@ mod tests {
 
     #[test]
     fn a_frozen_signal_is_one_without_any_noise() {
-        let mut lvdt = Lvdt::new();
+        let mut lvdt = Lvdt::default();
         for k in 1..=60u64 {
             let reading = lvdt.read(k * 6000, block(k * 6000, 2000.0, 0.0), &RIG);
             assert_eq!(matches!(reading, LvdtReading::Invalid(Fault::LvdtFrozen)), k >= 30, "block {k}");
@@ -202,7 +192,7 @@ mod tests {
 
     #[test]
     fn a_stalled_adc_is_found_by_age() {
-        let mut lvdt = Lvdt::new();
+        let mut lvdt = Lvdt::default();
         assert_eq!(lvdt.read(1000, None, &RIG), LvdtReading::NotYet);
         assert_eq!(lvdt.read(2_000_000, None, &RIG), LvdtReading::Invalid(Fault::LvdtStalled));
         assert_eq!(lvdt.read(20 * OLD_US, None, &RIG), LvdtReading::NotYet);

@@ -8,11 +8,8 @@ use crate::{PlantSettings, Truth};
 use rig_config::Scene;
 use rig_control::observer::SETTLED_TICKS;
 use rig_control::sensors::EncoderCount;
-use rig_control::supervisor::Events;
 use rig_control::{Controller, DriveCommand, DriveReading, Inputs, LvdtBlock, Outputs, RigConstants, TICK_S};
-use rig_link::messages::{
-    Accepted, EventKind, HomingFailure, HomingResult, LoadChoice, Refusal, Request, State, Telemetry,
-};
+use rig_link::messages::{EventKind, HomingFailure, HomingResult, LoadChoice, Request, State, Telemetry};
 use rmds405::{Address, Conversation, Received, Report};
 use std::collections::VecDeque;
 use std::sync::{Arc, OnceLock};
@@ -85,32 +82,18 @@ pub trait ControlLaw {
     }
 }
 
-/// One tick of the control code: its [`Outputs`], and the telemetry after it.
-#[derive(Clone, Debug)]
-pub struct ControlTick {
-    /// For the drive.
-    pub drive: DriveCommand,
-    /// Answer to the request.
-    pub reply: Option<Result<Accepted, Refusal>>,
-    /// What ended or went wrong.
-    pub events: Events,
-    /// For the host.
-    pub telemetry: Telemetry,
-}
-
 impl ControlLaw for Controller {
-    type Decision = ControlTick;
+    type Decision = Outputs;
 
-    fn step(&mut self, inputs: &Inputs) -> ControlTick {
-        let Outputs { drive, reply, events, .. } = Controller::step(self, inputs);
-        ControlTick { drive, reply, events, telemetry: self.telemetry(inputs) }
+    fn step(&mut self, inputs: &Inputs) -> Outputs {
+        Controller::step(self, inputs)
     }
 
-    fn drive(decision: &ControlTick) -> DriveCommand {
+    fn drive(decision: &Outputs) -> DriveCommand {
         decision.drive
     }
 
-    fn events(decision: &ControlTick) -> &[EventKind] {
+    fn events(decision: &Outputs) -> &[EventKind] {
         &decision.events
     }
 }

@@ -104,7 +104,7 @@ impl Plan {
                 self.at(position_m as f32).map_or(self.mechanism().twist_max_rad(), |(twist_rad, _)| twist_rad);
             let tr_rad_per_m = f64::from(self.mechanism().at(self.load_n, twist_rad).tr_rad_per_m());
             let speed_max = f64::from(max_m_per_s).min(f64::from(self.rig.twist_speed_max()) / tr_rad_per_m);
-            let acceleration_max = f64::from(self.rig.twist_acceleration_max()) / tr_rad_per_m;
+            let acceleration_max = f64::from(self.rig.twist_limits().acceleration) / tr_rad_per_m;
             let load = N.show(self.load_n);
             if speed_m_per_s.abs() > BEYOND * speed_max {
                 let [wanted, max] = [speed_m_per_s.abs(), speed_max].map(|speed| MM_PER_S.show(speed));

@@ -278,7 +278,7 @@ fn answers(ticks: &[Tick<'_>], homed: &Homed, board: &Board<'_>) -> Vec<Answer> 
             request,
         };
         let outputs = rig.step(&inputs);
-        (outputs.drive, rig.telemetry(&inputs))
+        (outputs.drive, outputs.telemetry)
     };
     let Some(first) = ticks.first() else { return Vec::new() };
     let standing = Row { drive_speed_rad_per_s: 0.0, ..first.row.clone() };

@@ -5,9 +5,9 @@ use crate::{Scene, errors, locked};
 use numpy::PyArray3;
 use numpy::ndarray::Array3;
 use pyo3::prelude::*;
-use rig_control::{Controller, DriveReading};
+use rig_control::{Controller, DriveReading, Outputs};
 use rig_link::messages::{Fault, HomingFailure, Limit, LoadChoice, Request, Telemetry};
-use rig_plant::bench::{ControlBench, ControlLaw, ControlTick, MotorSpeed, MotorTick};
+use rig_plant::bench::{ControlBench, ControlLaw, MotorSpeed, MotorTick};
 use rig_plant::rig::EmulatedRig;
 use rig_plant::{PlantChange, PlantSettings, RigPreset, Truth};
 use rigctl::export::WORDS;
@@ -73,7 +73,7 @@ impl Shows for Controller {
     const NUMBERS: &'static [&'static str] = TELEMETRY;
     const WORDS: &'static [&'static str] = &WORDS;
 
-    fn show(bench: &ControlBench, last: &ControlTick, truth: &Truth) -> (Vec<f64>, Vec<String>) {
+    fn show(bench: &ControlBench, last: &Outputs, truth: &Truth) -> (Vec<f64>, Vec<String>) {
         let row = row(bench, &last.telemetry, truth);
         // In the order of `WORDS`.
         let words = [

@@ -143,7 +143,7 @@ impl Baseline {
             shown_m: None,
             table: firmware.table,
             rig: settings::apply(&firmware.settings, &firmware.constants),
-            lvdt: Lvdt::new(),
+            lvdt: Lvdt::default(),
             phase: Phase::Boot { standing: 0 },
             zero_rad: -PI,
             shaft: Ramp::at(0.0),
@@ -217,7 +217,7 @@ impl Baseline {
         }
         let before_rad = self.crossing.position;
         let [speed, acceleration] =
-            [self.rig.twist_speed_max(), self.rig.twist_acceleration_max()].map(|max| BREAKAWAY_FRACTION * max);
+            [self.rig.twist_speed_max(), self.rig.twist_limits().acceleration].map(|max| BREAKAWAY_FRACTION * max);
         self.crossing.step(self.breakaway_end_rad, speed, acceleration);
         (self.crossing.position - before_rad) / TICK_S
     }

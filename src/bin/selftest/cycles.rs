@@ -107,11 +107,7 @@ fn tick() -> (Spread, State) {
             host_heard_us: Some(now_us),
             request: (tick == TICKS / 2).then_some(jog),
         };
-        let outputs = spread.count(|| {
-            let outputs = rig.step(&inputs);
-            black_box(rig.telemetry(&inputs));
-            outputs
-        });
+        let outputs = spread.count(|| rig.step(&inputs));
         starts = matches!(outputs.drive, DriveCommand::Restart | DriveCommand::RestartOpenLoop);
         match outputs.drive {
             DriveCommand::Follow { position_qc, .. } => at_qc = position_qc,

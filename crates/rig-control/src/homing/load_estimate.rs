@@ -69,23 +69,12 @@ struct Unknowns {
 /// Number of unknowns.
 pub const UNKNOWNS: usize = 5;
 
-/// What the last step says of the unknowns besides their values.
-struct Fit {
-    covariance: [[f32; UNKNOWNS]; UNKNOWNS],
-    /// By how much the logarithm of the scale must change to make good, over the sweep, for a growth that is left out.
-    scale_by_growth: f32,
-    /// Rms gap that the fit leaves (m).
-    residual_m: f32,
-}
-
 /// Result of a weighing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Weighed {
     /// The load that fits the table's mechanism best (N), and the one that hangs on rods that remember a heavier one.
     pub apparent_n: f32,
     pub load_n: f32,
-    /// Heaviest load that the rods remembered in the fit (N).
-    pub heaviest_n: f32,
     /// The load fits best beyond the table's range, at whose end `apparent_n` stands.
     pub beyond_range: bool,
     /// Standard error of the load (N).
@@ -104,8 +93,8 @@ pub(super) struct LoadEstimate {
     unknowns: Unknowns,
     friction_n: f32,
     given: LoadChoice,
-    /// Heaviest load that the rods remember (N).
-    heaviest_n: f32,
+    /// Heaviest load that the rods remember (N); 0 under a given load, where the scale takes up what they do.
+    pub(super) heaviest_n: f32,
     /// Mean gap of the sweep (m), and the standard errors of the LVDT's zero (m) and slope.
     middle_m: f32,
     zero_error_m: f32,
@@ -120,7 +109,7 @@ pub(super) struct LoadEstimate {
 impl LoadEstimate {
     /// Before the first sweep, expecting a scale of the twist, and the weight that the operator gives; with rods that
     /// remember a load (N).
-    pub(super) const fn new(expected_scale: f32, given: LoadChoice, heaviest_n: f32) -> Self {
+    pub(super) fn new(expected_scale: f32, given: LoadChoice, heaviest_n: f32) -> Self {
         Self {
             sweeps: Sweeps::NEW,
             unknowns: Unknowns { load_n: 0.0, twist_scale: expected_scale, offset_m: 0.0, slope: 0.0, growth: 0.0 },
@@ -130,7 +119,7 @@ impl LoadEstimate {
             law_error_m: 0.0,
             friction_n: 0.0,
             given,
-            heaviest_n,
+            heaviest_n: if given == LoadChoice::Auto { heaviest_n } else { 0.0 },
             expected_scale,
             steps: 0,
         }
@@ -196,28 +185,6 @@ impl LoadEstimate {
     /// [`HomingFailure::PoorFit`] or [`HomingFailure::LoadOutOfRange`].
     pub(super) fn fit_step(&mut self, table: &Table<'_>) -> Result<Option<Weighed>, HomingFailure> {
         self.steps = (self.steps + 1).min(STEPS);
-        self.gauss_newton(table, self.steps == STEPS)
-    }
-
-    /// The table with the present scale, and its zero where the present offset is.
-    fn mechanism<'t>(&self, table: Table<'t>) -> Mechanism<'t> {
-        let Unknowns { twist_scale, offset_m, .. } = self.unknowns;
-        Mechanism { table, twist_scale, curve: GapCurve::constant(offset_m) }
-    }
-
-    /// The points of a mechanism at which the gaps of a pair were measured, up and down.
-    ///
-    /// The way up pulls friction more than the load, the way down as much less. The gap is far from straight in the load when
-    /// that is light, so each is asked for by itself.
-    fn modelled(&self, mechanism: &Mechanism<'_>, pair: &Pair) -> [Point; 2] {
-        let Unknowns { load_n, .. } = self.unknowns;
-        [
-            mechanism.at(load_n + self.friction_n, pair.twist_rad + pair.half_twist_rad),
-            below(mechanism, load_n - self.friction_n, pair.twist_rad - pair.half_twist_rad),
-        ]
-    }
-
-    fn gauss_newton(&mut self, table: &Table<'_>, last: bool) -> Result<Option<Weighed>, HomingFailure> {
         let m = &table.metadata;
         let uncertainty = &m.uncertainty;
         let Unknowns { load_n, twist_scale, offset_m, slope, growth } = self.unknowns;
@@ -275,9 +242,9 @@ impl LoadEstimate {
         }
         // The table ends at its minimum and maximum load; the step tells how far beyond them the load is.
         let wanted_n = load_n * libm::expf(step[0].clamp(-LARGEST_STEP[0], LARGEST_STEP[0]));
-        if last {
-            let fit = Fit { covariance: decomposed.inverse(), scale_by_growth, residual_m: 1e-3 * residual_mm };
-            return self.result(table, wanted_n, &fit).map(Some);
+        if self.steps == STEPS {
+            let covariance = decomposed.inverse();
+            return self.result(table, wanted_n, &covariance, scale_by_growth, 1e-3 * residual_mm).map(Some);
         }
         let scale_step = step[1].clamp(-LARGEST_STEP[1], LARGEST_STEP[1]);
         self.unknowns = Unknowns {
@@ -292,11 +259,37 @@ impl LoadEstimate {
         Ok(None)
     }
 
-    fn result(&self, table: &Table<'_>, wanted_n: f32, fit: &Fit) -> Result<Weighed, HomingFailure> {
+    /// The table with the present scale, and its zero where the present offset is.
+    fn mechanism<'t>(&self, table: Table<'t>) -> Mechanism<'t> {
+        let Unknowns { twist_scale, offset_m, .. } = self.unknowns;
+        Mechanism { table, twist_scale, curve: GapCurve::constant(offset_m) }
+    }
+
+    /// The points of a mechanism at which the gaps of a pair were measured, up and down.
+    ///
+    /// The way up pulls friction more than the load, the way down as much less. The gap is far from straight in the load when
+    /// that is light, so each is asked for by itself.
+    fn modelled(&self, mechanism: &Mechanism<'_>, pair: &Pair) -> [Point; 2] {
+        let Unknowns { load_n, .. } = self.unknowns;
+        [
+            mechanism.at(load_n + self.friction_n, pair.twist_rad + pair.half_twist_rad),
+            below(mechanism, load_n - self.friction_n, pair.twist_rad - pair.half_twist_rad),
+        ]
+    }
+
+    /// What the last step says: with the covariance of the unknowns, by how much the logarithm of the scale must change to make
+    /// good, over the sweep, for a growth that is left out, and the rms gap that the fit leaves (m).
+    fn result(
+        &self,
+        table: &Table<'_>,
+        wanted_n: f32,
+        covariance: &[[f32; UNKNOWNS]; UNKNOWNS],
+        scale_by_growth: f32,
+        residual_m: f32,
+    ) -> Result<Weighed, HomingFailure> {
         let m = &table.metadata;
         let uncertainty = &m.uncertainty;
         let Unknowns { load_n, twist_scale, offset_m, slope, growth } = self.unknowns;
-        let Fit { covariance, scale_by_growth, residual_m } = *fit;
         // Ten times what the laws that fit the paper's numbers differ by: neither strings nor LVDT are of the scene's kind.
         if residual_m > 10.0 * LAW_GAP_ERROR_M {
             return Err(HomingFailure::PoorFit);
@@ -312,11 +305,8 @@ impl LoadEstimate {
         let surprise = surprise.iter().map(|x| x * x).sum::<f32>();
         // The scale takes up an error of the radius, but neither an error of how the radius depends on the load nor what the
         // rods remember; under a given load it takes up both.
-        let [heaviest_n, shape] = match self.given {
-            LoadChoice::Auto => [self.heaviest_n, uncertainty.load_shape],
-            LoadChoice::Known(_) => [0.0; 2],
-        };
-        let memory = RodMemory { light: uncertainty.rod_memory, heaviest_n };
+        let shape = if self.given == LoadChoice::Auto { uncertainty.load_shape } else { 0.0 };
+        let memory = RodMemory { light: uncertainty.rod_memory, heaviest_n: self.heaviest_n };
         let apparent_n = load_n;
         let load_n = memory.load_n(apparent_n);
         let by_memory = MEMORY_ERROR * memory.excess(load_n);
@@ -347,7 +337,6 @@ impl LoadEstimate {
         Ok(Weighed {
             apparent_n,
             load_n,
-            heaviest_n,
             beyond_range: !(m.load_min_n..=m.load_max_n).contains(&wanted_n),
             load_sigma_n: if unknown { load_n } else { load_sigma_n },
             twist_scale,

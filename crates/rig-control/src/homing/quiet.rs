@@ -4,22 +4,20 @@ use crate::observer::SETTLED_TICKS;
 use crate::sensors::LVDT_COUNT_M;
 
 /// Minimum and maximum gap (m) since some ticks; `None` before the first one.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Quiet {
     ticks: u16,
     range_m: Option<[f32; 2]>,
 }
 
 impl Quiet {
-    pub(super) const NEW: Self = Self { ticks: 0, range_m: None };
-
     /// Takes the smoothed gap (m) of a tick; whether the load is quiet.
     pub(super) fn step(&mut self, gap_m: f32) -> bool {
         let [low_m, high_m] = self.range_m.unwrap_or([gap_m; 2]);
         let [low_m, high_m] = [low_m.min(gap_m), high_m.max(gap_m)];
         // Within two counts over an oscillation. The noise of one reading would be larger than what is left of it by smoothing.
         if high_m - low_m > 2.0 * LVDT_COUNT_M {
-            *self = Self::NEW;
+            *self = Self::default();
             return false;
         }
         (self.ticks, self.range_m) = (self.ticks + 1, Some([low_m, high_m]));
@@ -33,7 +31,7 @@ mod tests {
 
     /// Time (s) until a gap is quiet, smoothed as homing does.
     fn quiet_after_s(gap: impl Fn(f32) -> f32) -> Option<f32> {
-        let (mut quiet, mut smooth_m) = (Quiet::NEW, gap(0.0));
+        let (mut quiet, mut smooth_m) = (Quiet::default(), gap(0.0));
         (1..1000u16).map(|k| 0.01 * f32::from(k)).find(|t| {
             smooth_m += crate::homing::SMOOTHING * (gap(*t) - smooth_m);
             quiet.step(smooth_m)

@@ -9,7 +9,7 @@ const TICKS: usize = 10;
 const SMOOTH: f32 = 1.75;
 
 /// Ways of the gap during a motion.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(super) struct StickSlip {
     last_m: [f32; TICKS],
     seen: usize,
@@ -19,8 +19,6 @@ pub(super) struct StickSlip {
 }
 
 impl StickSlip {
-    pub(super) const NEW: Self = Self { last_m: [0.0; TICKS], seen: 0, count: 0.0, sum_m: 0.0, squares_m2: 0.0 };
-
     /// One tick's gap (m).
     pub(super) fn add(&mut self, gap_m: f32) {
         let place = self.seen % TICKS;
@@ -54,7 +52,7 @@ mod tests {
 
     /// Gaps of a load that rises by 2 mm/s.
     fn jump_of(gap: impl Fn(f32) -> f32) -> f32 {
-        let mut motion = StickSlip::NEW;
+        let mut motion = StickSlip::default();
         (0..1000u16).for_each(|k| motion.add(gap(0.01 * f32::from(k))));
         motion.turn();
         (0..1000u16).for_each(|k| motion.add(-gap(0.01 * f32::from(k))));
@@ -71,7 +69,7 @@ mod tests {
 
     #[test]
     fn the_noise_of_both_ends_of_a_way_is_no_jump() {
-        let mut motion = StickSlip::NEW;
+        let mut motion = StickSlip::default();
         (0..2000u16).for_each(|k| motion.add(0.5e-3 * libm::floorf(0.04 * f32::from(k))));
         // 2 n² over the mean way, which is 0.2 mm in ten ticks.
         let taken_m = motion.jump_m(0.0) - motion.jump_m(0.1e-3);
@@ -82,6 +80,6 @@ mod tests {
     fn a_smooth_motion_has_none() {
         assert_eq!(jump_of(|t| 2e-3 * t), 0.0);
         assert_eq!(jump_of(|t| 2e-3 * t + 1e-4 * (0.5 * t).sin()), 0.0);
-        assert_eq!(StickSlip::NEW.jump_m(1e-5), 0.0);
+        assert_eq!(StickSlip::default().jump_m(1e-5), 0.0);
     }
 }

@@ -135,39 +135,21 @@ pub const POLICY: [Policy; Fault::ALL.len()] = [
 ];
 
 /// The row of a fault.
-pub const fn policy(fault: Fault) -> &'static Policy {
-    let mut i = 0;
-    while i < POLICY.len() {
-        if POLICY[i].fault as u8 == fault as u8 {
-            return &POLICY[i];
-        }
-        i += 1;
-    }
-    // A test checks that each fault has a row, so that this line is not reached.
-    &POLICY[0]
+pub fn policy(fault: Fault) -> &'static Policy {
+    // A test checks that each fault has a row.
+    POLICY.iter().find(|row| row.fault == fault).unwrap_or(&POLICY[0])
 }
 
 /// The faults that stopped the rig.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Latched {
-    all: Faults,
-    gravest: Option<Fault>,
+    /// All of them.
+    pub all: Faults,
+    /// The one that decides what the drive is told: of those with the most severe response the first that was latched.
+    pub gravest: Option<Fault>,
 }
 
 impl Latched {
-    /// Nothing is latched.
-    pub const NONE: Self = Self { all: Faults::NONE, gravest: None };
-
-    /// All of them.
-    pub fn all(self) -> Faults {
-        self.all
-    }
-
-    /// The one that decides what the drive is told: of those with the most severe response the first that was latched.
-    pub fn gravest(self) -> Option<Fault> {
-        self.gravest
-    }
-
     /// What the drive is told, if anything is latched.
     pub fn response(self) -> Option<Response> {
         self.gravest.map(|fault| policy(fault).response)
@@ -230,12 +212,12 @@ mod tests {
     fn the_gravest_leads_in_either_order() {
         for &a in Fault::ALL {
             for &b in Fault::ALL {
-                let mut latched = Latched::NONE;
+                let mut latched = Latched::default();
                 latched.insert(a);
                 latched.insert(b);
                 let graver = if policy(b).response > policy(a).response { b } else { a };
-                assert_eq!(latched.gravest(), Some(graver), "{a}, then {b}");
-                assert!(latched.all().contains(a) && latched.all().contains(b));
+                assert_eq!(latched.gravest, Some(graver), "{a}, then {b}");
+                assert!(latched.all.contains(a) && latched.all.contains(b));
                 assert_eq!(latched.after(), policy(a).after.max(policy(b).after));
             }
         }
@@ -243,7 +225,7 @@ mod tests {
 
     #[test]
     fn consequences_are_not_news_and_a_cause_is_news_beside_its_consequence() {
-        let mut latched = Latched::NONE;
+        let mut latched = Latched::default();
         let both = Faults::of(&[Fault::DriveStall, Fault::FollowingError]);
         assert_eq!(latched.news(both, false), Faults::NONE.with(Fault::DriveStall));
         latched.insert(Fault::FollowingError);
@@ -252,7 +234,7 @@ mod tests {
         assert!(latched.news(both, false).is_empty());
         // Late ticks explain what looks wrong beside them, and nothing later.
         let late = Faults::of(&[Fault::TickLate, Fault::EncoderJump]);
-        let mut latched = Latched::NONE;
+        let mut latched = Latched::default();
         assert_eq!(latched.news(late, true), Faults::NONE.with(Fault::TickLate));
         latched.insert(Fault::TickLate);
         assert_eq!(latched.news(Faults::NONE.with(Fault::EncoderJump), false), Faults::NONE.with(Fault::EncoderJump));

@@ -1,14 +1,17 @@
-//! A planned move of the load, and the hold after it: planner and position loop, tick by tick, and when a move is over.
+//! What moves or holds the load, from its observed state to the set-point of the shaft: a planned move and the hold after it, planner and
+//! position loop, tick by tick, and when a move is over.
 
 use super::guard::{LONG_TICKS, SHORT_TICKS};
-use super::lasts;
+use super::modes::Mode;
+use super::{Controller, Events, lasts};
 use crate::limits::Limits;
+use crate::load_motion::AHEAD_S;
 use crate::load_state::LoadState;
 use crate::planner::{Planner, SetPoint};
 use crate::position_loop::{LoopOutput, PositionLoop};
 use crate::sensors::LVDT_COUNT_M;
 use crate::{RigConstants, TICK_S};
-use rig_link::messages::Limit;
+use rig_link::messages::{EventKind, Limit};
 
 /// A set-point waits for strings that are behind it, because the load has changed while they turn as fast as they can: from the first
 /// distance (m) on it is slower, and from the second on it has the smallest fraction of the motor's speed. It never stands, so that
@@ -17,7 +20,7 @@ const BEHIND_M: [f32; 2] = [0.5e-3, 1.5e-3];
 const MIN_FRACTION: f32 = 0.05;
 
 /// Set-point of the load, and the loop that keeps the load there.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(super) struct LoadControl {
     pub(super) planner: Planner,
     pub(super) position_loop: PositionLoop,
@@ -34,25 +37,14 @@ impl LoadControl {
         self.planner = Planner::at(self.planner.set_point_m() + higher_m);
     }
 
-    /// Sets out to a position (m).
-    fn go_to(&mut self, position_m: f32) {
-        self.planner.go_to(position_m);
-        self.position_loop.compensation.set_out(self.planner.setting_out());
-    }
-
-    /// One tick under way.
-    pub(super) fn follow(&mut self, set_point: &SetPoint, load: &LoadState<'_>) -> LoopOutput {
-        self.position_loop.step(set_point, false, load)
-    }
-
     /// One tick at the target.
     pub(super) fn hold(&mut self, load: &LoadState<'_>) -> LoopOutput {
-        self.follow(&SetPoint::at(self.planner.set_point_m()), load)
+        self.position_loop.step(&SetPoint::at(self.planner.set_point_m()), false, load)
     }
 }
 
 /// A move.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Move {
     pub(super) control: LoadControl,
     speed_m_per_s: f32,
@@ -76,28 +68,12 @@ fn speed_fraction(behind_m: f32) -> f32 {
     (1.0 - (behind_m - slower_m) / (min_m - slower_m)).clamp(MIN_FRACTION, 1.0)
 }
 
-/// One tick of a move.
-pub(super) struct MoveStep {
-    pub(super) output: LoopOutput,
-    pub(super) set_point: SetPoint,
-    pub(super) limit: Option<Limit>,
-}
-
 impl Move {
     /// To a position (m) at a speed (m/s) at most, going on from the present set-point.
     pub(super) fn new(mut control: LoadControl, target_m: f32, speed_m_per_s: f32) -> Self {
-        control.go_to(target_m);
-        Self {
-            control,
-            speed_m_per_s,
-            limits: None,
-            rest_error_m: 0.0,
-            stopping: false,
-            run_s: None,
-            rest_ticks: 0,
-            near_ticks: 0,
-            end_ticks: 0,
-        }
+        control.planner.target_m = target_m;
+        control.position_loop.compensation.set_out(control.planner.setting_out());
+        Self { control, speed_m_per_s, ..Self::default() }
     }
 
     /// Comes to rest as soon as these limits allow, which were those of the last tick.
@@ -116,7 +92,7 @@ impl Move {
             match &self.limits {
                 Some(limits) => self.control.planner.brake(limits),
                 // Before its first tick it stands.
-                None => self.control.planner.go_to(self.control.planner.set_point_m()),
+                None => self.control.planner.target_m = self.control.planner.set_point_m(),
             }
         }
     }
@@ -125,24 +101,24 @@ impl Move {
     /// while it stops.
     pub(super) fn time_left_s(&self) -> Option<f32> {
         let compensation = &self.control.position_loop.compensation;
-        let wait_s = if compensation.is_waiting() { compensation.left_s() } else { 0.0 };
+        let wait_s = if compensation.waiting { compensation.left_s } else { 0.0 };
         self.run_s.map(|run_s| wait_s + run_s)
     }
 
-    /// One tick.
-    pub(super) fn step(&mut self, load: &LoadState<'_>, rig: &RigConstants) -> MoveStep {
+    /// One tick: what the loop turns, what holds the load back, and whether the set-point is at its target.
+    pub(super) fn step(&mut self, load: &LoadState<'_>, rig: &RigConstants) -> (LoopOutput, Option<Limit>, bool) {
         let Self { control, speed_m_per_s, .. } = self;
         let (here, pull_n) = (load.observation.point, load.observation.pull_n);
         let (limits, limit) = Limits::for_motor(*speed_m_per_s, &here, pull_n, rig);
         let stopping_rad = here.tr_rad_per_m() * limits.stopping_m(control.planner.speed_m_per_s());
         let rest = load.mechanism.at(pull_n, load.twist_rad + stopping_rad);
         let limits = limits.braking_into(&Limits::for_motor(*speed_m_per_s, &rest, pull_n, rig).0);
-        let way = libm::copysignf(1.0, control.planner.target_m() - control.planner.set_point_m());
+        let way = libm::copysignf(1.0, control.planner.target_m - control.planner.set_point_m());
         let max_m_per_s = speed_fraction(way * self.rest_error_m) * rig.twist_speed_max() / here.tr_rad_per_m();
         let limits = Limits { speed: limits.speed.min(max_m_per_s), ..limits };
         self.limits = Some(limits);
         // Until the strings have taken up friction the load cannot move: the set-point waits for it.
-        let waiting = control.position_loop.compensation.is_waiting();
+        let waiting = control.position_loop.compensation.waiting;
         if !self.stopping {
             let run_s = self.run_s.get_or_insert_with(|| control.planner.time_to_target_s(*speed_m_per_s, load, rig));
             if !waiting {
@@ -152,17 +128,17 @@ impl Move {
         let set_point = if waiting { control.planner.wait() } else { control.planner.step(&limits) };
         let output = control.position_loop.step(&set_point, waiting, load);
         self.rest_error_m = output.rest_error_m;
-        if waiting && !control.position_loop.compensation.is_waiting() {
+        if waiting && !control.position_loop.compensation.waiting {
             // The load has broken loose, and may have jumped.
             control.planner.set_out_from(load.position_m);
         }
-        MoveStep { output, set_point, limit }
+        (output, limit, set_point.done)
     }
 
     /// One tick with the set-point at its target: whether the move is over. It may end where the strings' travel ends; the
     /// event then says how far off that is, and the limit stays in the telemetry.
     pub(super) fn is_over(&mut self, load: &LoadState<'_>, at_end: bool) -> bool {
-        let error_m = self.control.planner.target_m() - load.position_m;
+        let error_m = self.control.planner.target_m - load.position_m;
         // What stiction leaves.
         let left_m = self.control.position_loop.rest.left_alone_m(load.gap_noise_m, load.jump_m);
         // Half an LVDT count, or what is no motion; the loop goes on holding after that.
@@ -171,6 +147,67 @@ impl Move {
         let ended = lasts(&mut self.end_ticks, at_end, SHORT_TICKS);
         self.rest_ticks += 1;
         arrived || ended || self.rest_ticks >= 2 * LONG_TICKS
+    }
+}
+
+impl Controller {
+    /// One tick of a move, a stream or a hold; what held the load back. Without a gap, or outside the table's twists, the strings
+    /// are kept still; a lasting loss is a fault of its own.
+    pub(super) fn control_load(&mut self, events: &mut Events) -> Option<Limit> {
+        let readings = &self.sensing.readings;
+        let (Some(tracking), Some(_)) = (&mut self.tracking, readings.lvdt.gap_m()) else {
+            self.shaft.speed = 0.0;
+            return None;
+        };
+        let twist_rad = tracking.twist_rad(self.shaft.position + AHEAD_S * self.shaft.speed);
+        let (Some(observation), Some(motion)) = (tracking.observation, tracking.motion_ahead(readings, twist_rad))
+        else {
+            self.shaft.speed = 0.0;
+            return None;
+        };
+        if let Mode::Streaming(stream) = &mut self.mode
+            && let Some(end) = stream.ends(observation.point.tr_rad_per_m(), &self.constants)
+        {
+            let _ = events.push(EventKind::StreamEnded(end));
+            self.mode = Mode::Moving(stream.brake());
+        }
+        let found = &tracking.homed.found;
+        let load = LoadState {
+            mechanism: tracking.mechanism(self.table.table()),
+            observation,
+            position_m: tracking.position_m,
+            motion,
+            reference_gap_m: found.reference_gap_m,
+            gap_noise_m: found.gap_noise_m,
+            jump_m: found.jump_m,
+            twist_rad,
+            twist_limits: self.constants.twist_limits(),
+            loop_gain: self.constants.loop_gain,
+        };
+        let (output, limit, planned) = match &mut self.mode {
+            Mode::Moving(planned) => {
+                let (output, limit, arrived) = planned.step(&load, &self.constants);
+                (output, limit, Some((planned, arrived)))
+            }
+            Mode::Streaming(stream) => {
+                let (output, limit) = stream.step(&load, &self.constants);
+                (output, limit, None)
+            }
+            Mode::Holding(control) => (control.hold(&load), None, None),
+            _ => return None,
+        };
+        let (shaft, at_end) = load.turned(self.shaft, tracking.homed.zero_rad, output.twist_speed_rad_per_s);
+        self.shaft = shaft;
+        let limit = at_end.then_some(Limit::Travel).or(limit);
+        let Some((planned, arrived)) = planned else { return limit };
+        let (scale, observer) = (&mut tracking.homed.found.twist_scale, &mut tracking.observer);
+        tracking.adaptation.step(scale, observer, &observation, twist_rad, arrived);
+        if arrived && planned.is_over(&load, at_end) {
+            let error_m = load.position_m - planned.control.planner.target_m;
+            let _ = events.push(if planned.stopping { EventKind::Stopped } else { EventKind::MoveDone { error_m } });
+            self.mode = Mode::Holding(planned.control);
+        }
+        limit
     }
 }
 

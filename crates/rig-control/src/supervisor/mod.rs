@@ -41,8 +41,6 @@
 //! request, and the rig must be homed again. A [`Limit`] only clips: it is reported beside the state, and disappears when
 //! it no longer holds anything back.
 
-mod configure;
-mod controller;
 pub mod fault_policy;
 mod guard;
 mod load_control;
@@ -51,16 +49,17 @@ mod outputs;
 mod requests;
 mod sensing;
 mod stream;
-mod telemetry;
 mod tracking;
 
+use crate::RigConstants;
 use crate::homing::Homed;
 use crate::ramp::Ramp;
 use crate::sensors::{DriveReading, LvdtBlock, SupplyReading};
-use crate::{RigConstants, TICK_US};
-use guard::{Guard, Situation};
-use modes::{EStopContact, Mode};
-use rig_link::messages::{Accepted, EventKind, Fault, Faults, Limit, Refusal, Request, SettingValues, State};
+use guard::Guard;
+use modes::{Boot, Mode};
+use rig_link::messages::{
+    Accepted, EventKind, Fault, Faults, Limit, Refusal, Request, SettingValues, State, Telemetry,
+};
 use rmds405::DriveCommand;
 use sensing::Sensing;
 use tracking::LoadTracking;
@@ -110,6 +109,8 @@ pub struct Outputs {
     pub events: Events,
     /// The settings have been set: they are to be saved.
     pub save_settings: bool,
+    /// For the host.
+    pub telemetry: Telemetry,
 }
 
 /// The rig.
@@ -130,22 +131,14 @@ pub struct Controller {
     heaviest_n: f32,
     /// Set-point of the shaft (rad as the own encoder counts) and its speed (rad/s).
     shaft: Ramp,
-    /// How the drive drives the motor.
-    drive_loop: DriveLoop,
+    /// How the drive drives the motor, which takes a restart of the drive to change: to a position, once the directions are
+    /// proven since its start; until then by a voltage, 0 but for the check of the directions, so that a motor or an encoder
+    /// of the wrong sign cannot run away. The shorted motor brakes the load, and does not hold it.
+    closed_loop: bool,
     /// The next command restarts the drive.
     restart_drive: bool,
     /// What held the load or the strings back in this tick.
     limit: Option<Limit>,
-}
-
-/// How the drive drives the motor. It takes a restart of the drive to change it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum DriveLoop {
-    /// By a voltage, 0 but for the check of the directions: a motor or an encoder of the wrong sign cannot run away. The shorted
-    /// motor brakes the load, and does not hold it.
-    Open,
-    /// To a position: the directions are proven since the drive's start.
-    Closed,
 }
 
 /// Motor speed (rpm) below which the shaft counts as standing: three quanta of the drive's speed measurement.
@@ -162,19 +155,20 @@ impl Controller {
     pub fn new(table: &Table<'_>, constants: RigConstants, reset: Option<Fault>) -> Self {
         let table = StoredTable::copy_of(table);
         let corrupt = (!table.table().is_intact()).then_some(Fault::TableCorrupt);
-        let guard = Guard::with_faults(reset.into_iter().chain(corrupt));
+        let mut guard = Guard::default();
+        reset.into_iter().chain(corrupt).for_each(|fault| guard.latched.insert(fault));
         Self {
             table,
             scene: constants,
             settings: crate::settings::defaults(&constants),
             constants,
-            mode: if guard.latched.gravest().is_none() { Mode::boot() } else { Mode::Fault },
-            sensing: Sensing::new(),
+            mode: if guard.latched.gravest.is_none() { Mode::Boot(Boot::default()) } else { Mode::Fault },
+            sensing: Sensing::default(),
             guard,
             tracking: None,
             heaviest_n: 0.0,
             shaft: Ramp::at(0.0),
-            drive_loop: DriveLoop::Open,
+            closed_loop: false,
             // The drive may still follow the last command of the run before.
             restart_drive: true,
             limit: None,
@@ -188,12 +182,12 @@ impl Controller {
 
     /// The most severe of the latched faults.
     pub fn fault(&self) -> Option<Fault> {
-        self.guard.latched.gravest()
+        self.guard.latched.gravest
     }
 
     /// All latched faults.
     pub fn faults(&self) -> Faults {
-        self.guard.latched.all()
+        self.guard.latched.all
     }
 
     /// The last homing, as long as it holds.
@@ -212,13 +206,13 @@ impl Controller {
         self.guard.timing.late_ticks
     }
 
-    /// One control tick. Call every [`TICK_US`].
+    /// One control tick. Call every [`crate::TICK_US`].
     pub fn step(&mut self, inputs: &Inputs) -> Outputs {
         let mut events = Events::new();
         self.sensing.read(inputs, &self.constants);
         if let Some(tracking) = &mut self.tracking {
             tracking.observe(&self.table.table(), &self.sensing.readings);
-            self.heaviest_n = self.heaviest_n.max(tracking.observer.heaviest_n());
+            self.heaviest_n = self.heaviest_n.max(tracking.observer.memory.heaviest_n);
         }
         self.watch_estop(inputs.estop_open, &mut events);
         let raised = self.watch(inputs, &mut events);
@@ -233,43 +227,33 @@ impl Controller {
         }
         let sets = matches!(inputs.request, Some(Request::SetSetting { .. } | Request::SetSettings(_)));
         let save_settings = sets && matches!(reply, Some(Ok(_)));
-        Outputs { drive: self.drive_command(inputs), reply, events, save_settings }
+        Outputs { drive: self.drive_command(inputs), reply, events, save_settings, telemetry: self.telemetry(inputs) }
     }
 
     fn watch_estop(&mut self, open: bool, events: &mut Events) {
-        let (contact, event) = match &self.mode {
-            Mode::EStop(contact) => contact.next(open),
-            _ if open => (EStopContact::Open, Some(EventKind::EStopOpened)),
+        let was_open = match self.mode {
+            Mode::EStop { open, .. } => open,
+            _ if open => false,
             _ => return,
         };
-        self.mode = Mode::EStop(contact);
+        if open != was_open {
+            let _ = events.push(if open { EventKind::EStopOpened } else { EventKind::EStopClosed });
+        }
+        self.mode = Mode::EStop { open, closing: was_open && !open };
         self.tracking = None;
-        event.into_iter().for_each(|event| {
-            let _ = events.push(event);
-        });
     }
 
     /// Checks everything; whether a new fault was raised.
     fn watch(&mut self, inputs: &Inputs, events: &mut Events) -> bool {
-        let found = self.guard.check(&Situation {
-            inputs,
-            readings: &self.sensing.readings,
-            drive_zero: self.sensing.drive_zero,
-            constants: &self.constants,
-            table: self.table.metadata(),
-            state: self.mode.state(self.tracking.is_some()),
-            shaft: self.shaft,
-            set_point_m: self.mode.load_control().map(|control| control.planner.set_point_m()),
-            limit: self.limit,
-            tracking: self.tracking.as_ref(),
-            closed_loop: self.drive_loop == DriveLoop::Closed,
-        });
+        let mut guard = self.guard;
+        let found = guard.check(self, inputs);
+        self.guard = guard;
         self.raise(found, events)
     }
 
     /// Latches what is new among the faults that were found; the strings stop where they are. Whether anything was new.
     fn raise(&mut self, found: Faults, events: &mut Events) -> bool {
-        if matches!(self.mode, Mode::EStop(_)) || !self.guard.latch(found, events) {
+        if matches!(self.mode, Mode::EStop { .. }) || !self.guard.latch(found, events) {
             return false;
         }
         // A shaft that is held already stays where the first fault stopped it.
@@ -286,7 +270,7 @@ impl Controller {
     /// Homed, at rest at the half-turn pre-twist: the end of a homing, and the start of a replay.
     pub fn resume(&mut self, homed: Homed) {
         self.shaft = Ramp::at(homed.zero_rad + core::f32::consts::PI);
-        self.drive_loop = DriveLoop::Closed;
+        self.closed_loop = true;
         self.tracking = Some(LoadTracking::new(homed, &self.table.table(), &self.settings, &self.constants));
         self.mode = Mode::Idle;
     }
@@ -318,11 +302,6 @@ impl Controller {
     pub fn pause(&mut self) {
         self.guard.timing.pause();
     }
-}
-
-/// Ticks in a time given in hundredths of a second.
-const fn ticks(hundredths: u16) -> u16 {
-    (hundredths as u64 * 10_000 / TICK_US) as u16
 }
 
 /// Counts how many ticks in a row a condition holds; true when it has lasted `limit` ticks.

@@ -4,20 +4,22 @@ use super::guard::SHORT_TICKS;
 use super::load_control::{LoadControl, Move};
 use super::sensing::DriveZero;
 use super::stream::Stream;
-use super::{Controller, DriveLoop, Events, Inputs, STANDING_RPM, ticks};
-use crate::direction::{DirectionCheck, Step, Witnesses};
-use crate::homing::{self, Homing, HomingInputs, Progress};
+use super::{Controller, Events, Inputs, STANDING_RPM};
+use crate::direction::{DirectionCheck, Witnesses};
+use crate::homing::{self, Homing};
 use crate::ramp::Ramp;
 use crate::sensors::{DriveReading, LvdtReading};
 use crate::{TICK_S, whole_counts};
 use core::f32::consts::TAU;
-use rig_link::messages::{EventKind, Fault, Faults, HomingFailure, Limit, LoadChoice, State};
+use rig_link::messages::{
+    Accepted, EventKind, Fault, Faults, HomingFailure, Limit, LoadChoice, Refusal, Sensor, Setting, State,
+};
 
 /// Motor speed (rad/s) below which it stands during a start while it is only shorted: a heavy load on twisted strings turns it at
 /// 11 rad/s. In the 10 ms of a report the counts then move by less than a fifth of the difference that is a fault.
 const SINKING_RAD_PER_S: f32 = 40.0;
 /// Longest start, from the drive's first report: fifty times what a shaft takes to come to rest.
-const BOOT_TICKS: u16 = ticks(1000);
+const BOOT_TICKS: u16 = 1000;
 
 /// What the rig is doing, with what is needed only while it does that.
 // There is no heap to put the 2 kB of a homing on, and a tick that begins one has the time to write them.
@@ -36,14 +38,14 @@ pub(super) enum Mode {
     Moving(Move),
     /// Follows a stream of set-points.
     Streaming(Stream),
-    /// Turns the strings at a constant speed.
-    Jogging(Jog),
+    /// Turns the strings at this twist speed (rad/s); 0 ends the jog.
+    Jogging(f32),
     /// Keeps the load where a move has ended.
     Holding(LoadControl),
     /// Stopped by the faults that [`super::guard::Guard`] has latched.
     Fault,
-    /// Stopped by the emergency stop.
-    EStop(EStopContact),
+    /// Stopped by the emergency stop, whose contact is open, or has closed in this tick.
+    EStop { open: bool, closing: bool },
 }
 
 /// A start of the drive.
@@ -88,59 +90,7 @@ pub(super) struct Proving {
     pub(super) then: First,
 }
 
-/// A jog.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Jog {
-    /// Wanted twist speed (rad/s); 0 ends the jog.
-    pub(super) speed_rad_per_s: f32,
-}
-
-/// The contact of the emergency stop, once it has opened.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum EStopContact {
-    Open,
-    /// It has closed in this tick.
-    Closing,
-    Closed,
-}
-
-impl EStopContact {
-    /// One tick later, and the event that this is.
-    pub(super) fn next(self, open: bool) -> (Self, Option<EventKind>) {
-        match (self, open) {
-            (Self::Open, true) => (Self::Open, None),
-            (Self::Open, false) => (Self::Closing, Some(EventKind::EStopClosed)),
-            (Self::Closing | Self::Closed, true) => (Self::Open, Some(EventKind::EStopOpened)),
-            (Self::Closing | Self::Closed, false) => (Self::Closed, None),
-        }
-    }
-}
-
 impl Mode {
-    /// A start after power-up.
-    pub(super) fn boot() -> Self {
-        Self::Boot(Boot::default())
-    }
-
-    /// A start after the drive was told to restart.
-    pub(super) fn reboot(then: Option<First>) -> Self {
-        Self::Boot(Boot { awaiting_restart: true, then, ..Boot::default() })
-    }
-
-    /// The check of the directions, and then this.
-    pub(super) fn proving(then: First) -> Self {
-        Self::Proving(Proving { check: DirectionCheck::NEW, pwm: 0, then })
-    }
-
-    /// The first motion that waits for a start of the drive, or for the check.
-    pub(super) fn first(&mut self) -> Option<&mut First> {
-        match self {
-            Self::Boot(boot) => boot.then.as_mut(),
-            Self::Proving(proving) => Some(&mut proving.then),
-            _ => None,
-        }
-    }
-
     /// As the host sees it.
     pub(super) fn state(&self, homed: bool) -> State {
         match self {
@@ -152,7 +102,7 @@ impl Mode {
             Self::Moving(_) | Self::Streaming(_) | Self::Jogging(_) => State::Moving,
             Self::Holding(_) => State::Holding,
             Self::Fault => State::Fault,
-            Self::EStop(_) => State::EStop,
+            Self::EStop { .. } => State::EStop,
         }
     }
 
@@ -170,7 +120,7 @@ impl Mode {
 impl Controller {
     /// One tick of the present mode; what held it back.
     pub(super) fn step_mode(&mut self, inputs: &Inputs, events: &mut Events) -> Option<Limit> {
-        if self.drive_loop == DriveLoop::Open {
+        if !self.closed_loop {
             // Nothing holds it anywhere.
             self.shaft = Ramp::at(self.sensing.readings.shaft_rad);
         }
@@ -179,10 +129,45 @@ impl Controller {
             Mode::Proving(_) => self.step_proving(inputs, events),
             Mode::Homing(_) => self.step_homing(events),
             Mode::Moving(_) | Mode::Streaming(_) | Mode::Holding(_) => return self.control_load(events),
-            Mode::Jogging(jog) => return self.step_jog(jog, events),
-            Mode::Idle | Mode::Fault | Mode::EStop(_) => self.shaft.speed = 0.0,
+            Mode::Jogging(speed_rad_per_s) => return self.step_jog(speed_rad_per_s, events),
+            Mode::Idle | Mode::Fault | Mode::EStop { .. } => self.shaft.speed = 0.0,
         }
         None
+    }
+
+    /// Begins a motion from rest: in open loop with the check of the directions, in closed loop at once.
+    pub(super) fn begin(&mut self, first: First) -> Result<Accepted, Refusal> {
+        let readings = &self.sensing.readings;
+        let gap_m = readings.lvdt.gap_m().ok_or(Refusal::SensorInvalid { sensor: Sensor::Lvdt });
+        match (self.closed_loop, first) {
+            (false, _) => {
+                gap_m?;
+                self.mode = Mode::Proving(Proving { check: DirectionCheck::NEW, pwm: 0, then: first });
+            }
+            // Proven since the drive has started; another check would let go of the load.
+            (true, First::Check) => return Ok(Accepted::Done),
+            (true, First::Home(load)) => {
+                let twist_scale = self.settings.get(Setting::TwistScale);
+                let limits = self.constants.twist_limits();
+                let homing = Homing::new(limits, readings.shaft_rad, gap_m?, twist_scale, load, self.heaviest_n);
+                self.mode = Mode::Homing(homing);
+                self.tracking = None;
+            }
+            (true, First::Jog(speed_rad_per_s)) => {
+                self.shaft = Ramp::at(readings.shaft_rad);
+                self.mode = Mode::Jogging(speed_rad_per_s);
+            }
+        }
+        Ok(Accepted::Started)
+    }
+
+    /// Starts the drive again, which forgets its position, and then begins a motion.
+    pub(super) fn start_drive(&mut self, then: Option<First>) {
+        self.tracking = None;
+        self.sensing.drive_zero = DriveZero::Unknown;
+        self.restart_drive = true;
+        self.guard.restart();
+        self.mode = Mode::Boot(Boot { awaiting_restart: true, then, ..Boot::default() });
     }
 
     /// Own and drive's counts are matched only when the shaft stands, because a report is up to 10 ms old. In closed loop a hold
@@ -204,10 +189,8 @@ impl Controller {
             self.shaft = Ramp::at(readings.shaft_rad);
         }
         // Counts, not the drive's speed, in which the dither of a few counts looks like motion.
-        let standing_rad_per_s = match self.drive_loop {
-            DriveLoop::Open => SINKING_RAD_PER_S,
-            DriveLoop::Closed => f32::from(STANDING_RPM) / 60.0 * TAU,
-        };
+        let standing_rad_per_s =
+            if self.closed_loop { f32::from(STANDING_RPM) / 60.0 * TAU } else { SINKING_RAD_PER_S };
         let standing_counts = standing_rad_per_s / self.constants.gear_ratio
             * self.constants.counts_per_rad.abs()
             * TICK_S
@@ -249,14 +232,14 @@ impl Controller {
         };
         let now = Witnesses::new(&self.constants, position_qc.into(), inputs.encoder_counts, gap_m);
         match proving.check.step(&now) {
-            Step::Voltage(pwm) => proving.pwm = pwm,
-            Step::Proven => {
+            Ok(Some(pwm)) => proving.pwm = pwm,
+            Ok(None) => {
                 let then = proving.then;
                 let _ = events.push(EventKind::DirectionProven);
-                self.drive_loop = DriveLoop::Closed;
+                self.closed_loop = true;
                 self.start_drive(Some(then));
             }
-            Step::Wrong(fault) => {
+            Err(fault) => {
                 self.raise(Faults::NONE.with(fault), events);
             }
         }
@@ -265,17 +248,17 @@ impl Controller {
     fn step_homing(&mut self, events: &mut Events) {
         let readings = &self.sensing.readings;
         let (Mode::Homing(homing), Some(gap_m)) = (&mut self.mode, readings.lvdt.gap_m()) else { return };
-        let inputs = HomingInputs { shaft_rad: readings.shaft_rad, shaft_at_gap_rad: readings.shaft_at_gap_rad, gap_m };
-        let event = match homing.step(&self.table.table(), &self.constants, &inputs) {
-            Progress::Turning(ramp) => {
-                self.shaft = ramp;
+        let inputs = [readings.shaft_rad, readings.shaft_at_gap_rad, gap_m];
+        let event = match homing.step(&self.table.table(), &self.constants, inputs) {
+            Ok(None) => {
+                self.shaft = homing.ramp;
                 return;
             }
-            Progress::Done(homed) => {
+            Ok(Some(homed)) => {
                 self.resume(homed);
                 EventKind::Homed(homed.found)
             }
-            Progress::Failed(failure) => {
+            Err(failure) => {
                 self.end_homing();
                 EventKind::HomingRefused(failure)
             }
@@ -289,9 +272,9 @@ impl Controller {
         self.mode = Mode::Idle;
     }
 
-    fn step_jog(&mut self, jog: Jog, events: &mut Events) -> Option<Limit> {
+    fn step_jog(&mut self, wanted_rad_per_s: f32, events: &mut Events) -> Option<Limit> {
         let speed_change = homing::ACCELERATION * TICK_S;
-        self.shaft.speed += (jog.speed_rad_per_s - self.shaft.speed).clamp(-speed_change, speed_change);
+        self.shaft.speed += (wanted_rad_per_s - self.shaft.speed).clamp(-speed_change, speed_change);
         let next = self.shaft.position + self.shaft.speed * TICK_S;
         // A homed rig knows how far the strings may be twisted, either way.
         let outside = self.tracking.as_ref().is_some_and(|tracking| {
@@ -303,7 +286,7 @@ impl Controller {
         } else {
             self.shaft.position = next;
         }
-        if jog.speed_rad_per_s == 0.0 && self.shaft.speed == 0.0 {
+        if wanted_rad_per_s == 0.0 && self.shaft.speed == 0.0 {
             self.mode = Mode::Idle;
             let _ = events.push(EventKind::Stopped);
         }
@@ -316,25 +299,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn each_change_of_the_emergency_stop_is_an_event_and_closing_lasts_one_tick() {
-        let mut contact = EStopContact::Open;
-        let mut step = |open: bool| {
-            let (next, event) = contact.next(open);
-            contact = next;
-            (next, event)
-        };
-        assert_eq!(step(true), (EStopContact::Open, None));
-        assert_eq!(step(false), (EStopContact::Closing, Some(EventKind::EStopClosed)));
-        assert_eq!(step(false), (EStopContact::Closed, None));
-        assert_eq!(step(true), (EStopContact::Open, Some(EventKind::EStopOpened)));
-        assert_eq!(step(false).0, EStopContact::Closing);
-        assert_eq!(step(true), (EStopContact::Open, Some(EventKind::EStopOpened)));
-    }
-
-    #[test]
     fn at_rest_the_state_follows_from_whether_the_rig_is_homed() {
         assert_eq!((Mode::Idle.state(false), Mode::Idle.state(true)), (State::Unhomed, State::Ready));
-        let jog = Mode::Jogging(Jog { speed_rad_per_s: 1.0 });
+        let jog = Mode::Jogging(1.0);
         assert_eq!((jog.state(false), jog.state(true)), (State::Moving, State::Moving));
         assert!(jog.load_control().is_none());
     }

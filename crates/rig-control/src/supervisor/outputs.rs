@@ -1,11 +1,14 @@
-//! The command to the drive.
+//! The command to the drive, and what the host is shown, read from the rig after a step.
 
 use super::fault_policy::Response;
 use super::guard::healthy_lag_rad;
-use super::modes::{EStopContact, Mode};
-use super::{Controller, DriveLoop, Inputs};
+use super::modes::Mode;
+use super::tracking::LoadTracking;
+use super::{Controller, Inputs};
 use crate::sensors::DriveReading;
 use crate::{TICK_S, whole_counts};
+use core::f32::consts::TAU;
+use rig_link::messages::{Counters, Doubts, Sensors, Telemetry};
 use rmds405::DriveCommand;
 
 /// Part of the current limit that is allowed before the shaft has been seen to stand: several times what the heaviest load of
@@ -18,16 +21,14 @@ impl Controller {
         match (&self.mode, self.guard.latched.response()) {
             // A Reset when the contact opens, again while it is open, and once more when it closes: a motor that is
             // connected again must find no old target.
-            (Mode::EStop(EStopContact::Closing), _) => DriveCommand::LetGo,
-            (Mode::EStop(EStopContact::Open | EStopContact::Closed), _) => DriveCommand::PowerOff,
+            (Mode::EStop { closing: true, .. }, _) => DriveCommand::LetGo,
+            (Mode::EStop { .. }, _) => DriveCommand::PowerOff,
             (_, Some(Response::LetGo)) => DriveCommand::LetGo,
-            _ if restart => match self.drive_loop {
-                DriveLoop::Open => DriveCommand::RestartOpenLoop,
-                DriveLoop::Closed => DriveCommand::Restart,
-            },
+            _ if restart && self.closed_loop => DriveCommand::Restart,
+            _ if restart => DriveCommand::RestartOpenLoop,
             (_, Some(Response::Wait)) => DriveCommand::Silence,
             (mode, Some(Response::Hold | Response::HoldByDrive | Response::HoldIfHeard) | None) => {
-                if self.drive_loop == DriveLoop::Open {
+                if !self.closed_loop {
                     let pwm = if let Mode::Proving(proving) = mode { proving.pwm } else { 0 };
                     return DriveCommand::Voltage { pwm };
                 }
@@ -62,5 +63,68 @@ impl Controller {
             speed_limit_rpm: self.constants.motor_rpm(speed),
             current_limit_ma: (current * f32::from(self.constants.current_limit_ma)) as i16,
         })
+    }
+
+    /// Telemetry of the tick that these inputs were stepped in.
+    pub(super) fn telemetry(&self, inputs: &Inputs) -> Telemetry {
+        let (drive_current_a, drive_speed_rad_per_s) = match inputs.drive {
+            DriveReading::Reports { speed_rpm, current_ma, .. } => {
+                (f32::from(current_ma) * 1e-3, f32::from(speed_rpm) * (TAU / 60.0))
+            }
+            _ => (0.0, 0.0),
+        };
+        let planner = self.mode.load_control().map(|control| &control.planner);
+        let tracking = self.tracking.as_ref();
+        let observed = tracking.and_then(|tracking| Some((tracking, tracking.observation?)));
+        let gap_m = self.sensing.readings.lvdt.gap_m();
+        Telemetry {
+            t_us: inputs.now_us,
+            state: self.state(),
+            fault: self.fault(),
+            faults: self.faults(),
+            limit: self.limit,
+            doubts: tracking.map_or(Doubts::NONE, LoadTracking::doubts),
+            target_m: planner.map(|planner| planner.target_m),
+            setpoint_m: planner.map(|planner| planner.set_point_m()),
+            position_m: tracking.zip(gap_m).map(|(tracking, gap_m)| tracking.homed.found.reference_gap_m - gap_m),
+            twist_rad: tracking.map(|tracking| tracking.twist_rad(self.sensing.readings.shaft_rad)),
+            load_n: observed.map(|(tracking, _)| tracking.observer.load_n()),
+            load_error_n: observed.map(|(_, observation)| observation.load_error_n),
+            position_error_m: tracking.zip(gap_m).map(|(tracking, _)| tracking.position_error_m()),
+            tr_rad_per_m: observed.map(|(_, observation)| observation.point.tr_rad_per_m()),
+            drive_current_a,
+            drive_speed_rad_per_s,
+            time_left_s: match &self.mode {
+                Mode::Moving(planned) => planned.time_left_s(),
+                // At its target.
+                Mode::Holding(_) => Some(0.0),
+                _ => None,
+            },
+            twist_scale: tracking.map(|tracking| tracking.homed.found.twist_scale),
+            gap_m,
+            shaft_rad: self.sensing.readings.shaft_rad,
+            supply_v: inputs.supply.map(|supply| supply.volts),
+        }
+    }
+
+    /// What the sensors showed in the tick that these inputs were stepped in, beside what the board has counted.
+    pub fn sensors(&self, inputs: &Inputs, counters: Counters) -> Sensors {
+        Sensors {
+            gap_m: self.sensing.readings.lvdt.gap_m(),
+            shaft_rad: self.sensing.readings.shaft_rad,
+            drive_rad: match inputs.drive {
+                DriveReading::Reports { position_qc, .. } => Some(position_qc as f32 / self.constants.counts_per_rad),
+                _ => None,
+            },
+            supply_v: inputs.supply.map(|supply| supply.volts),
+            estop_open: inputs.estop_open,
+            upper_limit_open: inputs.upper_limit_open,
+            lower_limit_open: inputs.lower_limit_open,
+            rest_tolerance_m: self.tracking.as_ref().zip(self.mode.load_control()).map(|(tracking, control)| {
+                let found = &tracking.homed.found;
+                control.position_loop.rest.left_alone_m(found.gap_noise_m, found.jump_m)
+            }),
+            counters,
+        }
     }
 }

@@ -1,18 +1,18 @@
-//! What the host asks, and what may begin now.
+//! What the host asks, and what may begin now; and applying settings, while nothing moves.
 
 use super::fault_policy::{After, POLICY, Response, policy};
 use super::guard::SHORT_TICKS;
 use super::load_control::{LoadControl, Move};
-use super::modes::{Boot, First, Jog, Mode};
-use super::sensing::DriveZero;
+use super::modes::{Boot, First, Mode, Proving};
 use super::stream::{HOLDS_FOR_S, Stream, StreamPoint, reach_m};
-use super::{Controller, DriveLoop, Events, Inputs, JOG_SPEED_MAX};
-use crate::homing::Homing;
+use super::{Controller, Events, Inputs, JOG_SPEED_MAX};
 use crate::move_check::{MoveRequest, MoveStart, check_load, in_range};
 use crate::ramp::Ramp;
 use crate::sensors::LvdtReading;
+use crate::settings;
 use rig_link::messages::{
-    Accepted, EventKind, Fault, Limit, LoadChoice, Parameter, Refusal, Request, Sensor, Setting, StreamEnd,
+    Accepted, EventKind, Fault, Limit, LoadChoice, Parameter, Refusal, Request, Setting, SettingValues, State,
+    StreamEnd,
 };
 
 impl Controller {
@@ -29,7 +29,10 @@ impl Controller {
             | Request::Status
             | Request::GetSettings
             | Request::ReadSensors => return None,
-            Request::Home { load } => self.start_homing(load),
+            Request::Home { load } => self
+                .idle()
+                .and_then(|()| check_load(load, self.table.metadata()))
+                .and_then(|_| self.begin(First::Home(load))),
             Request::Move { target_m, speed_m_per_s, load } => {
                 self.start_move(&MoveRequest { target_m, speed_m_per_s, load })
             }
@@ -37,7 +40,7 @@ impl Controller {
                 self.track(&StreamPoint { position_m, speed_m_per_s, for_s }, events)
             }
             Request::Jog { twist_speed_rad_per_s } => self.start_jog(twist_speed_rad_per_s),
-            Request::CheckDirection => self.check_direction(),
+            Request::CheckDirection => self.idle().and_then(|()| self.begin(First::Check)),
             Request::Stop => {
                 self.stop(events);
                 Ok(Accepted::Done)
@@ -56,45 +59,10 @@ impl Controller {
         match self.mode {
             Mode::Idle | Mode::Holding(_) => Ok(()),
             Mode::Fault => Err(Refusal::InFault { fault: self.fault().unwrap_or(Fault::NotFinite) }),
-            Mode::EStop(_) => Err(Refusal::EStop),
+            Mode::EStop { .. } => Err(Refusal::EStop),
             Mode::Boot(Boot { then: None, .. }) => Err(Refusal::DriveNotReady),
             _ => Err(Refusal::Busy { state: self.state() }),
         }
-    }
-
-    fn start_homing(&mut self, load: LoadChoice) -> Result<Accepted, Refusal> {
-        self.idle()?;
-        check_load(load, self.table.metadata())?;
-        self.begin(First::Home(load))
-    }
-
-    fn check_direction(&mut self) -> Result<Accepted, Refusal> {
-        self.idle()?;
-        self.begin(First::Check)
-    }
-
-    /// Begins a motion from rest: in open loop with the check of the directions, in closed loop at once.
-    pub(super) fn begin(&mut self, first: First) -> Result<Accepted, Refusal> {
-        let readings = &self.sensing.readings;
-        let gap_m = readings.lvdt.gap_m().ok_or(Refusal::SensorInvalid { sensor: Sensor::Lvdt });
-        match (self.drive_loop, first) {
-            (DriveLoop::Open, _) => {
-                gap_m?;
-                self.mode = Mode::proving(first);
-            }
-            // Proven since the drive has started; another check would let go of the load.
-            (DriveLoop::Closed, First::Check) => return Ok(Accepted::Done),
-            (DriveLoop::Closed, First::Home(load)) => {
-                let twist_scale = self.settings.get(Setting::TwistScale);
-                self.mode = Mode::Homing(Homing::new(readings.shaft_rad, gap_m?, twist_scale, load, self.heaviest_n));
-                self.tracking = None;
-            }
-            (DriveLoop::Closed, First::Jog(speed_rad_per_s)) => {
-                self.shaft = Ramp::at(readings.shaft_rad);
-                self.mode = Mode::Jogging(Jog { speed_rad_per_s });
-            }
-        }
-        Ok(Accepted::Started)
     }
 
     /// Where a motion of the load would start; `None` where the rig is not homed.
@@ -102,7 +70,7 @@ impl Controller {
         let tracking = self.tracking.as_ref()?;
         Some(MoveStart {
             mechanism: tracking.mechanism(self.table.table()),
-            mechanism_load_n: tracking.observer.apparent_n(),
+            mechanism_load_n: tracking.observer.apparent_n,
             friction_n: tracking.homed.found.friction_n,
             twist_rad: tracking.twist_rad(self.shaft.position),
             position_m: tracking.position_m,
@@ -115,12 +83,8 @@ impl Controller {
     /// beside the reference, or hangs where the strings' travel ends, out of reach of the hold's set-point, it begins where
     /// the load is.
     fn load_control(&self, position_m: f32) -> LoadControl {
-        match &self.mode {
-            Mode::Moving(planned) => planned.control,
-            Mode::Streaming(stream) => stream.control,
-            Mode::Holding(control) if self.limit != Some(Limit::Travel) => *control,
-            _ => LoadControl::at(position_m),
-        }
+        let out_of_reach = matches!(self.mode, Mode::Holding(_)) && self.limit == Some(Limit::Travel);
+        self.mode.load_control().filter(|_| !out_of_reach).copied().unwrap_or_else(|| LoadControl::at(position_m))
     }
 
     /// Whether a motion of the load may begin or go on.
@@ -175,24 +139,19 @@ impl Controller {
     }
 
     fn start_jog(&mut self, speed_rad_per_s: f32) -> Result<Accepted, Refusal> {
-        let jogs = matches!(self.mode, Mode::Jogging(_)) || matches!(self.mode.first(), Some(First::Jog(_)));
-        if !jogs {
-            self.idle()?;
-        }
-        in_range(Parameter::TwistSpeed, speed_rad_per_s, -JOG_SPEED_MAX, JOG_SPEED_MAX)?;
-        if let Mode::Jogging(jog) = &mut self.mode {
-            jog.speed_rad_per_s = speed_rad_per_s;
-        } else if let Some(first) = self.mode.first() {
-            *first = First::Jog(speed_rad_per_s);
-        } else {
-            return self.begin(First::Jog(speed_rad_per_s));
+        let allowed = in_range(Parameter::TwistSpeed, speed_rad_per_s, -JOG_SPEED_MAX, JOG_SPEED_MAX);
+        match &mut self.mode {
+            Mode::Jogging(speed)
+            | Mode::Boot(Boot { then: Some(First::Jog(speed)), .. })
+            | Mode::Proving(Proving { then: First::Jog(speed), .. }) => *speed = allowed?,
+            _ => return self.idle().and_then(|()| self.begin(First::Jog(allowed?))),
         }
         Ok(Accepted::Started)
     }
 
     /// Ramps down whatever moves. Never refused.
     fn stop(&mut self, events: &mut Events) {
-        if let Some(First::Check | First::Jog(_)) = self.mode.first() {
+        if matches!(self.mode, Mode::Boot(_) | Mode::Proving(_)) && self.state() == State::Moving {
             let _ = events.push(EventKind::Stopped);
         }
         match &mut self.mode {
@@ -201,20 +160,20 @@ impl Controller {
             Mode::Boot(boot) => boot.then = None,
             Mode::Moving(planned) => planned.stop(),
             Mode::Streaming(stream) => self.mode = Mode::Moving(stream.brake()),
-            Mode::Jogging(jog) => jog.speed_rad_per_s = 0.0,
+            Mode::Jogging(speed) => *speed = 0.0,
             Mode::Homing(_) => self.end_homing(),
-            Mode::Idle | Mode::Holding(_) | Mode::Fault | Mode::EStop(_) => {}
+            Mode::Idle | Mode::Holding(_) | Mode::Fault | Mode::EStop { .. } => {}
         }
     }
 
     fn clear(&mut self, inputs: &Inputs, events: &mut Events) -> Result<Accepted, Refusal> {
         match self.mode {
-            Mode::EStop(_) if inputs.estop_open => return Err(Refusal::EStop),
-            Mode::EStop(_) | Mode::Fault => {}
+            Mode::EStop { open: true, .. } => return Err(Refusal::EStop),
+            Mode::EStop { .. } | Mode::Fault => {}
             _ => return Ok(Accepted::Done),
         }
         let latched = self.guard.latched;
-        let rows = POLICY.iter().filter(|row| latched.all().contains(row.fault));
+        let rows = POLICY.iter().filter(|row| latched.all.contains(row.fault));
         if let Some(row) = rows.clone().find(|row| self.cause_remains(row.fault, inputs)) {
             return Err(Refusal::CauseRemains { fault: row.fault });
         }
@@ -226,10 +185,12 @@ impl Controller {
         for row in rows {
             let _ = events.push(EventKind::FaultCleared(row.fault));
         }
-        let restart = matches!(self.mode, Mode::EStop(_)) || !self.sensing.drive_zero.is_matched();
+        let restart = matches!(self.mode, Mode::EStop { .. }) || !self.sensing.drive_zero.is_matched();
         match if restart { After::Restart } else { latched.after() } {
             After::Restart | After::Never => {
-                self.restart();
+                // Begins again as after power-up, without moving: somebody may have changed the wiring meanwhile.
+                self.closed_loop = false;
+                self.start_drive(None);
                 return Ok(Accepted::Done);
             }
             // The drive need not let go: its twist is good, but the gap no longer goes with it.
@@ -252,19 +213,50 @@ impl Controller {
         }
     }
 
-    /// Begins again as after power-up, without moving.
-    fn restart(&mut self) {
-        // Somebody may have changed the wiring meanwhile.
-        self.drive_loop = DriveLoop::Open;
-        self.start_drive(None);
+    /// The settings in use.
+    pub fn settings(&self) -> &SettingValues {
+        &self.settings
     }
 
-    /// Starts the drive again, which forgets its position, and then begins a motion.
-    pub(super) fn start_drive(&mut self, then: Option<First>) {
-        self.tracking = None;
-        self.sensing.drive_zero = DriveZero::Unknown;
-        self.restart_drive = true;
-        self.guard.restart();
-        self.mode = Mode::reboot(then);
+    /// Applies all of the settings or none. Refused while anything moves, and before the drive's zero is known.
+    pub(super) fn configure(&mut self, values: &SettingValues, inputs: &Inputs) -> Result<Accepted, Refusal> {
+        match self.state() {
+            State::Boot => return Err(Refusal::DriveNotReady),
+            state @ (State::Moving | State::Homing) => return Err(Refusal::Busy { state }),
+            // In fault or emergency stop nothing moves, and settings may be what is wrong.
+            State::Unhomed | State::Ready | State::Holding | State::Fault | State::EStop => {}
+        }
+        values.check(&settings::defaults(&self.scene))?;
+        let was_homed = self.tracking.is_some();
+        if self.set_up(values) {
+            self.sensing.read_again(inputs, &self.constants);
+        }
+        Ok(if was_homed && self.tracking.is_none() { Accepted::Unhomed } else { Accepted::Started })
+    }
+
+    /// Applies settings, those from flash before the first tick. Whether angles, gaps or loads mean something else with them; the
+    /// position is then not known any more.
+    pub fn set_up(&mut self, values: &SettingValues) -> bool {
+        let before = core::mem::replace(&mut self.settings, *values);
+        let old = core::mem::replace(&mut self.constants, settings::apply(values, &self.scene));
+        let changes = |setting: &Setting| setting.spec().unhomes && before.get(*setting) != values.get(*setting);
+        if Setting::ALL.iter().any(changes) || before.lvdt_curve != values.lvdt_curve {
+            // The same place in the new units; nothing is compared with readings in the old ones.
+            self.shaft = Ramp::at(self.shaft.position * old.counts_per_rad / self.constants.counts_per_rad);
+            self.guard.forget_places();
+            if changes(&Setting::HeaviestLoad) {
+                self.heaviest_n = values.get(Setting::HeaviestLoad);
+            }
+            self.forget_position();
+            return true;
+        }
+        let higher_m = before.get(Setting::PositionZero) - values.get(Setting::PositionZero);
+        if let Some(tracking) = &mut self.tracking {
+            tracking.shift_position(higher_m);
+        }
+        if let Mode::Holding(control) = &mut self.mode {
+            control.shift_position(higher_m);
+        }
+        false
     }
 }

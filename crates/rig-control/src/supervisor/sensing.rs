@@ -5,7 +5,7 @@ use crate::sensors::{GAP_DELAY_S, Lvdt, LvdtReading};
 use crate::{RigConstants, TICK_S, angle_rad, seconds};
 
 /// Readings of one tick.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Readings {
     pub(super) lvdt: LvdtReading,
     /// Age of the gap (s); 0 without one.
@@ -19,9 +19,10 @@ pub(super) struct Readings {
 }
 
 /// Zero of the drive's count: own count less the drive's.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) enum DriveZero {
     /// The drive has not reported since its last start.
+    #[default]
     Unknown,
     /// From a first report, which is up to 10 ms old: good enough to hold.
     Rough(i64),
@@ -48,7 +49,7 @@ impl DriveZero {
 }
 
 /// Sensors and drive.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Sensing {
     /// Readings of the newest tick.
     pub(super) readings: Readings,
@@ -61,17 +62,6 @@ pub(super) struct Sensing {
 }
 
 impl Sensing {
-    pub(super) const fn new() -> Self {
-        let readings = Readings {
-            lvdt: LvdtReading::NotYet,
-            gap_age_s: 0.0,
-            gap_step_s: 0.0,
-            shaft_rad: 0.0,
-            shaft_at_gap_rad: 0.0,
-        };
-        Self { readings, drive_zero: DriveZero::Unknown, lvdt: Lvdt::new(), last_shaft_rad: None, last_gap_us: 0 }
-    }
-
     /// Reads one tick's inputs.
     pub(super) fn read(&mut self, inputs: &Inputs, constants: &RigConstants) {
         let shaft_rad = angle_rad(inputs.encoder_counts, constants.counts_per_rad);
@@ -104,7 +94,7 @@ mod tests {
     #[test]
     fn the_shaft_angle_belongs_to_the_time_of_the_gap() {
         let constants = crate::constants::tests::RIG;
-        let mut sensing = Sensing::new();
+        let mut sensing = Sensing::default();
         let read = |sensing: &mut Sensing, now_us: u64, shaft_rad: f32| {
             let age_us = ((0.5 * TICK_S - GAP_DELAY_S) * 1e6) as u64;
             let block = LvdtBlock { t_us: now_us - age_us, mean_code: 2000.0, variance: 1.0 };

@@ -3,7 +3,7 @@
 use super::load_control::{LoadControl, Move};
 use crate::limits::Limits;
 use crate::load_state::LoadState;
-use crate::planner::MovingTarget;
+use crate::planner::Motion;
 use crate::position_loop::LoopOutput;
 use crate::{RigConstants, TICK_S};
 use rig_link::messages::{Limit, StreamEnd};
@@ -20,10 +20,10 @@ pub(super) struct StreamPoint {
 }
 
 /// A stream that is being followed.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Stream {
     pub(super) control: LoadControl,
-    target: MovingTarget,
+    target: Motion,
     /// How fast the target's acceleration changes (m/s³).
     jerk_m_per_s3: f32,
     /// Speed of the newest set-point (m/s), and mean acceleration of the way to it from the one before (m/s²).
@@ -50,24 +50,10 @@ pub(super) fn reach_m(tr_rad_per_m: f32, rig: &RigConstants) -> f32 {
 impl Stream {
     /// Begins with a first set-point, going on from the present motion.
     pub(super) fn new(control: LoadControl, first: &StreamPoint, speed_max_m_per_s: f32) -> Self {
-        let target = MovingTarget {
-            position_m: first.position_m,
-            speed_m_per_s: first.speed_m_per_s,
-            acceleration_m_per_s2: 0.0,
-        };
-        Self {
-            control,
-            target,
-            jerk_m_per_s3: 0.0,
-            given_m_per_s: first.speed_m_per_s,
-            given_m_per_s2: 0.0,
-            age_s: 0.0,
-            for_s: first.for_s,
-            accelerates_s: 0.0,
-            moved_at_m: control.planner.set_point_m(),
-            speed_max_m_per_s,
-            limits: None,
-        }
+        let (given_m_per_s, moved_at_m) = (first.speed_m_per_s, control.planner.set_point_m());
+        let mut stream = Self { control, given_m_per_s, moved_at_m, speed_max_m_per_s, ..Self::default() };
+        stream.take(first);
+        stream
     }
 
     /// The next set-point. The speeds of the last ones tell the mean acceleration of the way to it, and how fast that changes. A
@@ -77,11 +63,11 @@ impl Stream {
         let acceleration = (next.speed_m_per_s - self.given_m_per_s) / since_s;
         let jerk = (acceleration - self.given_m_per_s2) / since_s;
         self.jerk_m_per_s3 = if self.limits.is_some_and(|limits| jerk.abs() < limits.jerk) { jerk } else { 0.0 };
-        self.target = MovingTarget {
-            position_m: next.position_m,
-            speed_m_per_s: next.speed_m_per_s,
+        self.target = Motion {
+            position: next.position_m,
+            speed: next.speed_m_per_s,
             // The mean is that of the middle of the way.
-            acceleration_m_per_s2: acceleration + 0.5 * since_s * self.jerk_m_per_s3,
+            acceleration: acceleration + 0.5 * since_s * self.jerk_m_per_s3,
         };
         (self.given_m_per_s, self.given_m_per_s2) = (next.speed_m_per_s, acceleration);
         (self.age_s, self.for_s, self.accelerates_s) = (0.0, next.for_s, since_s);
@@ -90,7 +76,7 @@ impl Stream {
     /// Why the stream ends now, if it does. Call it once in each tick.
     pub(super) fn ends(&mut self, tr_rad_per_m: f32, rig: &RigConstants) -> Option<StreamEnd> {
         self.age_s += TICK_S;
-        let ahead_m = self.target.position_m - self.control.planner.set_point_m();
+        let ahead_m = self.target.position - self.control.planner.set_point_m();
         if self.age_s > self.for_s {
             Some(StreamEnd::Late)
         } else if ahead_m.abs() > reach_m(tr_rad_per_m, rig) {
@@ -110,13 +96,13 @@ impl Stream {
         let target = &mut self.target;
         // It is known from two set-points, and goes on for as long as lay between them.
         if self.age_s > self.accelerates_s + 0.5 * TICK_S {
-            (target.acceleration_m_per_s2, self.jerk_m_per_s3) = (0.0, 0.0);
+            (target.acceleration, self.jerk_m_per_s3) = (0.0, 0.0);
         }
         let change = TICK_S * self.jerk_m_per_s3;
-        let gained = TICK_S * (target.acceleration_m_per_s2 + 0.5 * change);
-        target.position_m += TICK_S * (target.speed_m_per_s + 0.5 * gained);
-        target.speed_m_per_s += gained;
-        target.acceleration_m_per_s2 += change;
+        let gained = TICK_S * (target.acceleration + 0.5 * change);
+        target.position += TICK_S * (target.speed + 0.5 * gained);
+        target.speed += gained;
+        target.acceleration += change;
     }
 
     /// One tick: what the loop turns, and what holds the load back.
@@ -126,7 +112,7 @@ impl Stream {
         let (limits, _) = Limits::for_motor(self.speed_max_m_per_s, &observation.point, observation.pull_n, rig);
         self.limits = Some(limits);
         let (set_point, held_back) = self.control.planner.follow(&self.target, &limits);
-        let output = self.control.follow(&set_point, load);
+        let output = self.control.position_loop.step(&set_point, false, load);
         if observation.moved_m > 0.0 {
             self.moved_at_m = set_point.position_m;
         }
@@ -164,7 +150,7 @@ mod tests {
     #[test]
     fn an_even_acceleration_is_that_of_the_speeds() {
         let stream = streamed(|t_s| 0.02 * t_s, 4);
-        assert!(near(stream.target.acceleration_m_per_s2, 0.02), "{stream:?}");
+        assert!(near(stream.target.acceleration, 0.02), "{stream:?}");
         assert!(stream.jerk_m_per_s3.abs() < 1e-3);
     }
 
@@ -172,7 +158,7 @@ mod tests {
     #[test]
     fn an_acceleration_that_changes_evenly_is_that_of_now_and_goes_on_changing() {
         let stream = streamed(|t_s| 0.5 * 0.4 * t_s * t_s, 5);
-        assert!(near(stream.target.acceleration_m_per_s2, 0.4 * 0.2), "{stream:?}");
+        assert!(near(stream.target.acceleration, 0.4 * 0.2), "{stream:?}");
         assert!((stream.jerk_m_per_s3 - 0.4).abs() < 1e-3);
     }
 
@@ -189,17 +175,17 @@ mod tests {
             let (position_m, speed_m_per_s, acceleration) = at(began_s + accelerates_s);
             let coasts_s = f32::from(tick.saturating_sub(EVERY_TICKS)) * TICK_S;
             let distance_m = position_m - at(began_s).0 + coasts_s * speed_m_per_s;
-            assert!((stream.target.position_m - distance_m).abs() < 2e-7, "{tick}: {stream:?}");
-            assert!((stream.target.speed_m_per_s - speed_m_per_s).abs() < 1e-6, "{tick}: {stream:?}");
+            assert!((stream.target.position - distance_m).abs() < 2e-7, "{tick}: {stream:?}");
+            assert!((stream.target.speed - speed_m_per_s).abs() < 1e-6, "{tick}: {stream:?}");
             let left = if tick > EVERY_TICKS { 0.0 } else { acceleration };
-            assert!((stream.target.acceleration_m_per_s2 - left).abs() < 1e-4, "{tick}: {stream:?}");
+            assert!((stream.target.acceleration - left).abs() < 1e-4, "{tick}: {stream:?}");
         }
     }
 
     #[test]
     fn a_step_of_the_speed_is_not_taken_for_the_beginning_of_more() {
         let stream = streamed(|t_s| if t_s < 0.18 { 0.004 } else { 0.0 }, 5);
-        assert!(near(stream.target.acceleration_m_per_s2, -0.08), "{stream:?}");
+        assert!(near(stream.target.acceleration, -0.08), "{stream:?}");
         assert_eq!(stream.jerk_m_per_s3, 0.0);
     }
 }

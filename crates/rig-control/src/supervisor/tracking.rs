@@ -53,17 +53,12 @@ impl LoadTracking {
         Mechanism { table, twist_scale: self.homed.found.twist_scale, curve: self.homed.found.curve }
     }
 
-    /// Error of the load, 90 % (N); `None` outside the table's twists.
-    pub(super) fn load_error_n(&self) -> Option<f32> {
-        self.observation.map(|observation| observation.load_error_n)
-    }
-
     /// Error of the position, 90 % (m): the LVDT's between here and where it was homed, the noise here, and in full how far the
     /// load may have moved since it was measured.
-    pub(super) fn position_error_m(&self) -> Option<f32> {
+    pub(super) fn position_error_m(&self) -> f32 {
         let gap_m = self.homed.found.reference_gap_m - self.position_m;
         let by_lvdt_m = self.lvdt_change_error.of(gap_m - self.homed_gap_m);
-        Some(libm::hypotf(by_lvdt_m, NINETY_PERCENT * self.homed.found.gap_noise_m) + self.moved_since_m)
+        libm::hypotf(by_lvdt_m, NINETY_PERCENT * self.homed.found.gap_noise_m) + self.moved_since_m
     }
 
     /// Twist (rad) at a shaft angle (rad).
@@ -94,7 +89,7 @@ impl LoadTracking {
 
     /// How the load will move when the strings have come to a twist (rad) that is commanded now.
     pub(super) fn motion_ahead(&self, readings: &Readings, commanded_rad: f32) -> Option<LoadMotion> {
-        let now = self.observer.motion()?.after(readings.gap_age_s, self.twist_rad(readings.shaft_rad));
+        let now = self.observer.motion?.after(readings.gap_age_s, self.twist_rad(readings.shaft_rad));
         Some(now.after(AHEAD_S, commanded_rad))
     }
 
@@ -111,11 +106,6 @@ impl LoadTracking {
             doubts.insert(Doubt::LoadUnknown);
         }
         doubts
-    }
-
-    /// Learns the scale of the twist from one tick of a move at a twist (rad); `done` when the set-point has arrived.
-    pub(super) fn learn(&mut self, observation: &Observation, twist_rad: f32, done: bool) {
-        self.adaptation.step(&mut self.homed.found.twist_scale, &mut self.observer, observation, twist_rad, done);
     }
 
     /// Position 0 is called another height: every position is `higher_m` greater.

@@ -287,7 +287,7 @@ impl Bench {
             (_, drive) => drive,
         };
         self.events.extend(outputs.events.iter().copied());
-        self.telemetry = Some(self.rig.telemetry(&inputs));
+        self.telemetry = Some(outputs.telemetry);
         self.sensors = Some(self.rig.sensors(&inputs, Counters::default()));
         outputs
     }

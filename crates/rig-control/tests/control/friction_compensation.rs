@@ -40,12 +40,12 @@ fn planned_rad(load: &LoadState<'_>) -> f32 {
     let mut compensation = FrictionCompensation::default();
     compensation.set_out(1.0);
     let first_rad = turned(&mut compensation, 1, &WAITING, true, load);
-    assert!(first_rad > 0.0 && compensation.is_waiting());
-    let ticks = (compensation.left_s() / TICK_S).ceil() as u32;
+    assert!(first_rad > 0.0 && compensation.waiting);
+    let ticks = (compensation.left_s / TICK_S).ceil() as u32;
     let rest_rad = turned(&mut compensation, ticks, &WAITING, true, load);
-    assert!(compensation.left_s() < TICK_S);
+    assert!(compensation.left_s < TICK_S);
     turned(&mut compensation, 1, &WAITING, true, load);
-    assert!(!compensation.is_waiting(), "the planned time is over");
+    assert!(!compensation.waiting, "the planned time is over");
     first_rad + rest_rad
 }
 
@@ -62,7 +62,7 @@ fn a_move_the_other_way_turns_the_band_at_once_and_no_more_than_the_band_of_a_ga
     // One that has not set out does not wait.
     let mut compensation = FrictionCompensation::default();
     turned(&mut compensation, 1, &WAITING, true, &came_down());
-    assert!(!compensation.is_waiting());
+    assert!(!compensation.waiting);
 }
 
 #[test]
@@ -73,10 +73,10 @@ fn a_load_that_moves_ends_the_wait() {
         let mut compensation = FrictionCompensation::default();
         compensation.set_out(1.0);
         turned(&mut compensation, 10, &WAITING, true, &load);
-        assert!(compensation.is_waiting());
+        assert!(compensation.waiting);
         load.position_m = moved_m;
         turned(&mut compensation, 2, &WAITING, true, &load);
-        assert!(!compensation.is_waiting(), "{moved_m}");
+        assert!(!compensation.waiting, "{moved_m}");
         // What was still to be turned is not: it only stops.
         let after_rad = turned(&mut compensation, 500, &WAITING, false, &load);
         assert!(after_rad >= 0.0 && after_rad < 0.5 * band_rad(&load), "{after_rad}");
@@ -94,9 +94,9 @@ fn motion_is_told_from_the_places_before_wherever_these_are() {
         // One reading is half of what counts.
         load.position_m = position_m + 30e-6;
         turned(&mut compensation, 1, &WAITING, true, &load);
-        assert!(compensation.is_waiting());
+        assert!(compensation.waiting);
         turned(&mut compensation, 1, &WAITING, true, &load);
-        assert!(!compensation.is_waiting());
+        assert!(!compensation.waiting);
     }
 }
 
@@ -106,10 +106,10 @@ fn a_move_that_goes_on_the_same_way_has_nothing_to_take_up() {
     let mut compensation = FrictionCompensation::default();
     compensation.set_out(1.0);
     turned(&mut compensation, 1, &WAITING, true, &load);
-    assert_eq!(compensation.left_s(), 0.0);
+    assert_eq!(compensation.left_s, 0.0);
     let mut compensation = FrictionCompensation::default();
     compensation.set_out(0.0);
-    assert!(!compensation.is_waiting());
+    assert!(!compensation.waiting);
 }
 
 #[test]

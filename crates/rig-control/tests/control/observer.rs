@@ -95,7 +95,7 @@ fn a_pull_beyond_the_band_is_another_load_that_is_followed_in_the_time_constant(
 fn rods_remember_half_of_what_a_load_pulls_beyond_its_weight_while_it_swings() {
     let mut observer = observer();
     let seen = pulls(&mut observer, LOAD_N - FRICTION_N, 200);
-    near(observer.heaviest_n(), seen.mechanism_load_n, 0.02);
+    near(observer.memory.heaviest_n, seen.mechanism_load_n, 0.02);
     let mut most_n = 0.0f32;
     for k in 0..100u8 {
         let seconds = f32::from(k) * TICK_S;
@@ -105,12 +105,12 @@ fn rods_remember_half_of_what_a_load_pulls_beyond_its_weight_while_it_swings() {
     }
     let load_n = pulls(&mut observer, 8.0, 200).mechanism_load_n;
     assert!(most_n > load_n + 1.5);
-    near(observer.heaviest_n(), load_n + 0.5 * (most_n - load_n), 0.15);
+    near(observer.memory.heaviest_n, load_n + 0.5 * (most_n - load_n), 0.15);
     // A sensor that shifted shows the same at first. Nothing is remembered before the load stands.
     let mut observer = self::observer();
     pulls(&mut observer, LOAD_N - FRICTION_N, 200);
     pulls(&mut observer, 12.0, 20);
-    near(observer.heaviest_n(), LOAD_N, 0.05);
+    near(observer.memory.heaviest_n, LOAD_N, 0.05);
 }
 
 /// Beyond the band by the motion that is noise (20 um of the gap) and a hundredth of the load.
@@ -177,7 +177,7 @@ fn a_short_move_does_not_take_the_lag_of_the_estimate_for_a_drift() {
             adaptation.step(&mut scale, &mut observer, &seen, twist_rad, k == 200);
         }
         near(scale, 1.0, 1e-4);
-        near(observer.apparent_n(), load_n + friction_n - FRICTION_N, 0.01);
+        near(observer.apparent_n, load_n + friction_n - FRICTION_N, 0.01);
     }
 }
 

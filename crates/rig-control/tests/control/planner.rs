@@ -4,7 +4,7 @@ use crate::fixture::{constants, hanging};
 use proptest::prelude::*;
 use rig_control::TICK_S;
 use rig_control::limits::Limits;
-use rig_control::planner::{MovingTarget, Planner, SetPoint};
+use rig_control::planner::{Motion, Planner, SetPoint};
 use rsruckig::prelude::*;
 
 const TICK: f64 = TICK_S as f64;
@@ -52,7 +52,7 @@ fn a_move_takes_the_shortest_time_that_its_limits_allow() {
     ] {
         let limits = Limits::new(speed, acceleration, RISE_S);
         let mut p = Planner::at(0.0);
-        p.go_to(distance);
+        p.target_m = distance;
         let (fastest, ticks) = run(&mut p, &limits);
         let optimum = optimum_s(&SetPoint::at(0.0), distance, &limits);
         let seconds = f64::from(ticks) * TICK;
@@ -71,10 +71,10 @@ fn a_move_that_is_changed_under_way_takes_the_shortest_time_from_there() {
     for before in [5, 14, 25, 220] {
         for target in [0.02f32, 0.006, 0.0042, 0.0040, 0.001, -0.004] {
             let mut p = Planner::at(0.0);
-            p.go_to(0.02);
+            p.target_m = 0.02;
             let from = (0..before).map(|_| p.step(&limits)).last().expect("a tick");
             let way = target - p.set_point_m();
-            p.go_to(target);
+            p.target_m = target;
             let sign = way.signum();
             let told = limits.duration_from_s(sign * p.speed_m_per_s(), way.abs(), way.abs() / limits.speed, &limits);
             let took = f64::from(run(&mut p, &limits).1) * TICK;
@@ -106,7 +106,7 @@ fn the_time_from_a_motion_is_the_shortest_whether_or_not_it_passes_the_target() 
 fn a_set_point_that_waits_stands_and_is_not_at_its_target() {
     let mut p = Planner::at(1e-3);
     assert_eq!((p.setting_out(), p.wait()), (0.0, SetPoint::at(1e-3)));
-    p.go_to(-1e-3);
+    p.target_m = -1e-3;
     assert_eq!((p.setting_out(), p.wait()), (-1.0, SetPoint { done: false, ..SetPoint::at(1e-3) }));
     // It goes on from where the load is, if that lies on the way.
     p.set_out_from(2e-3);
@@ -124,15 +124,15 @@ fn a_set_point_that_waits_stands_and_is_not_at_its_target() {
 fn braking_stops_where_it_says_and_turning_round_works() {
     let limits = Limits::new(0.004, 0.02, RISE_S);
     let mut p = Planner::at(0.0);
-    p.go_to(0.02);
+    p.target_m = 0.02;
     for _ in 0..200 {
         p.step(&limits);
     }
     p.brake(&limits);
-    let stop = p.target_m();
+    let stop = p.target_m;
     let (_, ticks) = run(&mut p, &limits);
     assert!(ticks < 70 && stop < 0.02 && p.set_point_m() == stop);
-    p.go_to(-0.001);
+    p.target_m = -0.001;
     run(&mut p, &limits);
     assert_eq!(p.step(&limits).position_m, -0.001);
 }
@@ -146,19 +146,19 @@ fn a_stream_is_followed_within_micrometres_and_a_jump_without_overshoot() {
         let t = f32::from(k) * TICK_S;
         // 1 mm at 1 Hz, from rest.
         let rise = (t / 1.0).min(1.0);
-        let target = MovingTarget {
-            position_m: 1e-3 * rise * libm::sinf(omega * t),
-            speed_m_per_s: 1e-3 * rise * omega * libm::cosf(omega * t),
-            acceleration_m_per_s2: -1e-3 * rise * omega * omega * libm::sinf(omega * t),
+        let target = Motion {
+            position: 1e-3 * rise * libm::sinf(omega * t),
+            speed: 1e-3 * rise * omega * libm::cosf(omega * t),
+            acceleration: -1e-3 * rise * omega * omega * libm::sinf(omega * t),
         };
         let (s, held_back) = p.follow(&target, &limits);
         if t > 1.5 {
-            max = max.max((s.position_m - target.position_m).abs());
+            max = max.max((s.position_m - target.position).abs());
             assert!(!held_back);
         }
     }
     assert!(max < 3e-6, "{max}");
-    let stands = MovingTarget { position_m: 5e-3, speed_m_per_s: 0.0, acceleration_m_per_s2: 0.0 };
+    let stands = Motion { position: 5e-3, speed: 0.0, acceleration: 0.0 };
     let mut p = Planner::at(0.0);
     let ticks = (0..400).take_while(|_| {
         let (s, _) = p.follow(&stands, &limits);
@@ -180,10 +180,10 @@ fn a_sine_near_the_limits_is_not_exaggerated() {
     let mut farthest_m = 0f32;
     for k in 1u16..400 {
         let t = f32::from(k) * TICK_S;
-        let target = MovingTarget {
-            position_m: sine_m(t),
-            speed_m_per_s: 0.2e-3 * omega * libm::cosf(omega * t),
-            acceleration_m_per_s2: -omega * omega * sine_m(t),
+        let target = Motion {
+            position: sine_m(t),
+            speed: 0.2e-3 * omega * libm::cosf(omega * t),
+            acceleration: -omega * omega * sine_m(t),
         };
         let (s, held_back) = p.follow(&target, &limits);
         assert!(!held_back && s.acceleration_m_per_s2.abs() < 1.001 * limits.acceleration, "{s:?}");
@@ -202,7 +202,7 @@ fn the_time_to_the_target_is_that_of_the_plan_step_by_step() {
     {
         let load = hanging(5.0, 0.0, from_rad);
         let mut planner = Planner::at(0.0);
-        planner.go_to(distance_m);
+        planner.target_m = distance_m;
         let expected_s = planner.time_to_target_s(asked, &load, &rig);
         let (mut twist_rad, mut ticks, mut last_m) = (from_rad, 0u16, 0.0);
         while !planner.is_at_rest() {
@@ -227,9 +227,9 @@ proptest! {
         let mut p = Planner::at(0.0);
         let (mut last_speed, mut last_rise) = (0.0, 0.0);
         for (position_m, speed_m_per_s, ticks) in targets {
-            let mut target = MovingTarget { position_m, speed_m_per_s, acceleration_m_per_s2: 0.0 };
+            let mut target = Motion { position: position_m, speed: speed_m_per_s, acceleration: 0.0 };
             for _ in 0..ticks {
-                target.position_m += TICK_S * speed_m_per_s;
+                target.position += TICK_S * speed_m_per_s;
                 let (s, _) = p.follow(&target, &limits);
                 prop_assert!(s.speed_m_per_s.abs() <= 1.05 * speed, "{s:?}");
                 let rise = (s.speed_m_per_s - last_speed) / TICK_S;
@@ -252,7 +252,7 @@ proptest! {
         let mut last = p.step(&limits);
         let mut last_rise = 0.0;
         for (target, ticks) in targets {
-            p.go_to(target);
+            p.target_m = target;
             for _ in 0..ticks {
                 let s = p.step(&limits);
                 prop_assert!(s.speed_m_per_s.abs() <= speed * 1.001 + 1e-6);
@@ -272,7 +272,7 @@ proptest! {
     #[test]
     fn limits_may_change_under_way(fall in 0.2f32..1.0, at in 1u32..250) {
         let mut p = Planner::at(0.0);
-        p.go_to(0.02);
+        p.target_m = 0.02;
         let (before, after) = (Limits::new(0.006, 0.02, RISE_S), Limits::new(0.006 * fall, 0.02, RISE_S));
         for _ in 0..at {
             p.step(&before);

@@ -50,7 +50,7 @@ pub fn run(global: &Global, options: &Move, output: &mut Output) -> Result<(), F
     let request = MoveRequest { target_m: to as f32, speed_m_per_s: speed as f32, load }.with_speed_max(&values);
     plan.start().check(&request)?;
     let mut planner = Planner::at(plan.start().position_m);
-    planner.go_to(to as f32);
+    planner.target_m = to as f32;
     output.line("    t s   set-point mm   speed mm/s    turns   motor rpm   TR rad/mm")?;
     let (mut tick, mut held_back) = (0u32, None);
     loop {

@@ -1,8 +1,8 @@
 //! Drive and encoder: whether the drive answers, has restarted, has its supply, and counts as the own encoder does.
 
-use super::super::{Inputs, lasts};
+use super::super::{Controller, Inputs, lasts};
+use super::BRIEF_TICKS;
 use super::timing::LATE_US;
-use super::{BRIEF_TICKS, Situation};
 use crate::sensors::{DriveReading, OLD_US};
 use crate::{RigConstants, TICK_S, seconds, whole_counts};
 use core::f32::consts::TAU;
@@ -45,8 +45,8 @@ pub(in crate::supervisor) fn supply_off_us(inputs: &Inputs, constants: &RigConst
 impl DriveChecks {
     /// Faults that drive and own encoder show, which has moved by so many counts in this tick of a length (s). A drive that
     /// was told to let go is not checked.
-    pub(super) fn faults(&mut self, situation: &Situation<'_>, moved_counts: i64, tick_s: f32) -> Faults {
-        let Situation { inputs, constants, drive_zero, closed_loop, .. } = *situation;
+    pub(super) fn faults(&mut self, rig: &Controller, inputs: &Inputs, moved_counts: i64, tick_s: f32) -> Faults {
+        let (constants, drive_zero) = (&rig.constants, rig.sensing.drive_zero);
         let started = drive_zero.is_matched();
         let mut found = Faults::NONE;
         if inputs.bus_off {
@@ -79,10 +79,9 @@ impl DriveChecks {
         let age_s = seconds(inputs.now_us.saturating_sub(t_us));
         let drive_counts = i64::from(position_qc) + whole_counts(counts_per_s * age_s);
         // Before the directions are proven the two may count as they like; the proof compares them.
-        let offset = drive_zero.offset().filter(|_| closed_loop);
-        let agree = offset.is_some_and(|offset| {
-            (inputs.encoder_counts - offset - drive_counts).abs() <= allowed_counts(counts_per_s)
-        });
+        let own = inputs.encoder_counts;
+        let apart = drive_zero.offset().filter(|_| rig.closed_loop).map(|offset| (own - offset - drive_counts).abs());
+        let agree = apart.is_some_and(|apart| apart <= allowed_counts(counts_per_s));
         let last_qc = self.last_drive_qc.replace(position_qc);
         let max_counts_per_s = JUMP_FACTOR * constants.twist_speed_max() * constants.counts_per_rad.abs();
         let max_counts = |seconds: f32| whole_counts(max_counts_per_s * seconds) + DISAGREE_COUNTS;
@@ -90,21 +89,18 @@ impl DriveChecks {
             found.insert(Fault::DriveReset);
             return found;
         }
-        let encoder = if !closed_loop {
-            None
-        } else if moved_counts.abs() > max_counts(tick_s) {
-            Some(Fault::EncoderJump)
-        } else {
-            offset.and_then(|offset| self.disagreement([inputs.encoder_counts, drive_counts], offset, counts_per_s))
-        };
-        encoder.filter(|_| started).into_iter().for_each(|fault| found.insert(fault));
+        let Some(apart) = apart else { return found };
+        let jumped = (moved_counts.abs() > max_counts(tick_s)).then_some(Fault::EncoderJump);
+        if let Some(fault) =
+            jumped.or_else(|| self.disagreement([own, drive_counts], apart, !agree)).filter(|_| started)
+        {
+            found.insert(fault);
+        }
         found
     }
 
-    /// How own and drive's counts disagree, if they do.
-    fn disagreement(&mut self, [own, drive]: [i64; 2], offset: i64, counts_per_s: f32) -> Option<Fault> {
-        let apart = (own - offset - drive).abs();
-        let disagree = apart > allowed_counts(counts_per_s);
+    /// How own and drive's counts, which are so far apart, disagree, if they do.
+    fn disagreement(&mut self, [own, drive]: [i64; 2], apart: i64, disagree: bool) -> Option<Fault> {
         let [own_then, drive_then] = *self.disagreed_at.get_or_insert([own, drive]);
         if !disagree {
             self.disagreed_at = None;
@@ -156,7 +152,10 @@ mod tests {
     /// The first fault of ticks whose own and drive's counts come from these functions of the tick.
     fn first_fault(own: fn(i64) -> i64, drive: fn(i64) -> i64) -> Option<Fault> {
         let mut checks = DriveChecks::default();
-        (0..100).find_map(|k| checks.disagreement([own(k), drive(k)], 0, 0.0))
+        (0..100).find_map(|k| {
+            let apart = (own(k) - drive(k)).abs();
+            checks.disagreement([own(k), drive(k)], apart, apart > allowed_counts(0.0))
+        })
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! The load: whether it follows its set-point, and whether the table covers it.
 
-use super::super::lasts;
-use super::{LONG_TICKS, SHORT_TICKS, Situation};
+use super::super::{Controller, lasts};
+use super::{LONG_TICKS, SHORT_TICKS};
 use rig_link::messages::{Limit, State};
 
 /// How far the load may stay behind its set-point (m).
@@ -18,15 +18,14 @@ pub(super) struct LoadChecks {
 impl LoadChecks {
     /// The load stays behind its set-point. A load that is held where the strings' travel ends does not: it has become too
     /// light to be let down to its place, or too heavy to be brought up. The limit `travel` is reported, and nothing turns.
-    pub(super) fn lags(&mut self, situation: &Situation<'_>) -> bool {
-        let at_end = situation.state == State::Holding && situation.limit == Some(Limit::Travel);
-        let off = !at_end
-            && situation
-                .set_point_m
-                .zip(situation.tracking)
-                .is_some_and(|(set_point_m, tracking)| (set_point_m - tracking.position_m).abs() > FOLLOW_M);
+    pub(super) fn lags(&mut self, rig: &Controller) -> bool {
+        let at_end = rig.state() == State::Holding && rig.limit == Some(Limit::Travel);
+        let controlled = rig.mode.load_control().zip(rig.tracking.as_ref());
+        let off = controlled.is_some_and(|(control, tracking)| {
+            !at_end && (control.planner.set_point_m() - tracking.position_m).abs() > FOLLOW_M
+        });
         // A load that has changed moves, and one that is jammed does not.
-        let observation = situation.tracking.and_then(|tracking| tracking.observation);
+        let observation = rig.tracking.as_ref().and_then(|tracking| tracking.observation);
         let changed = observation.is_some_and(|o| o.changing && o.moved_m > 0.0);
         let lags = lasts(&mut self.follow_ticks, off && !changed, SHORT_TICKS);
         // A load that has changed must be known and brought back.
@@ -34,10 +33,11 @@ impl LoadChecks {
     }
 
     /// The load is beyond what the table, and so the mechanism, was made for.
-    pub(super) fn is_out_of_range(&mut self, situation: &Situation<'_>) -> bool {
-        let tracking = situation.set_point_m.and(situation.tracking);
+    pub(super) fn is_out_of_range(&mut self, rig: &Controller) -> bool {
+        let tracking = rig.mode.load_control().and(rig.tracking.as_ref());
         let at_end = tracking.and_then(|tracking| tracking.observation).is_some_and(|o| o.at_range_end);
-        let middle_n = 0.5 * (situation.table.load_min_n + situation.table.load_max_n);
+        let [min_n, max_n] = rig.load_range_n();
+        let middle_n = 0.5 * (min_n + max_n);
         let heavy = tracking.is_some_and(|tracking| tracking.observer.load_n() > middle_n);
         // At the light end nothing breaks.
         lasts(&mut self.range_ticks, at_end, if heavy { SHORT_TICKS } else { LONG_TICKS })

@@ -17,7 +17,7 @@ const CALM_TICKS: usize = 3;
 const CLEAR_FACTOR: f32 = 5.0;
 
 /// The last gaps.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(super) struct LvdtJump {
     /// Oldest first (m).
     gaps_m: [f32; 2 * CALM_TICKS + STEP_TICKS + 1],
@@ -26,10 +26,6 @@ pub(super) struct LvdtJump {
 }
 
 impl LvdtJump {
-    pub(super) const fn new() -> Self {
-        Self { gaps_m: [0.0; 2 * CALM_TICKS + STEP_TICKS + 1], count: 0, missing: 0 }
-    }
-
     /// One tick's gap (m), if there is one; whether it stepped [`CALM_TICKS`] ago.
     pub(super) fn step(&mut self, gap_m: Option<f32>) -> bool {
         let Some(gap_m) = gap_m else {
@@ -63,7 +59,7 @@ mod tests {
 
     /// Ticks at which a gap over time (tick to m) shows a jump.
     fn jumps(gap: impl Fn(f32) -> f32) -> usize {
-        let mut jump = LvdtJump::new();
+        let mut jump = LvdtJump::default();
         (0..400u16).filter(|k| jump.step(Some(gap(f32::from(*k))))).count()
     }
 
@@ -104,7 +100,7 @@ mod tests {
             0.08 + (4.9 * t * t).min(0.05)
         };
         assert_eq!(jumps(fall), 0);
-        let mut jump = LvdtJump::new();
+        let mut jump = LvdtJump::default();
         (0..20).for_each(|_| assert!(!jump.step(Some(0.08))));
         (0..3).for_each(|_| assert!(!jump.step(None)));
         (0..20).for_each(|_| assert!(!jump.step(Some(0.12)), "what came before a gap in the readings says nothing"));

@@ -17,50 +17,25 @@ mod switches;
 mod timing;
 
 use super::fault_policy::{Latched, POLICY};
-use super::sensing::{DriveZero, Readings};
-use super::tracking::LoadTracking;
-use super::{EventKind, Events, HOST_SILENT_US, Inputs, ticks};
-use crate::RigConstants;
-use crate::ramp::Ramp;
+use super::{Controller, EventKind, Events, HOST_SILENT_US, Inputs};
 use drive::DriveChecks;
 pub(super) use drive::supply_off_us;
 use gap::GapChecks;
 use load::LoadChecks;
-use rig_link::messages::{Fault, Faults, Limit, State};
+use rig_link::messages::{Fault, Faults, State};
 use shaft::ShaftChecks;
 pub(super) use shaft::healthy_lag_rad;
 use switches::Switches;
 use timing::TickTiming;
-use tsa_table::Metadata;
 
-/// How long a finding must last to be a fault: longer than a wrong reading or a late report; than a shaft or a load needs to
+/// How long (ticks) a finding must last to be a fault: longer than a wrong reading or a late report; than a shaft or a load needs to
 /// follow; than somebody needs to hang a load on or to take it off.
-const BRIEF_TICKS: u16 = ticks(8);
-pub(super) const SHORT_TICKS: u16 = ticks(30);
-pub(super) const LONG_TICKS: u16 = ticks(300);
-
-/// What the checks compare in one tick: readings, and what the rig is doing.
-pub(super) struct Situation<'a> {
-    pub(super) inputs: &'a Inputs,
-    pub(super) readings: &'a Readings,
-    pub(super) drive_zero: DriveZero,
-    pub(super) constants: &'a RigConstants,
-    pub(super) table: &'a Metadata,
-    pub(super) state: State,
-    /// Set-point of the shaft (rad) and its speed (rad/s).
-    pub(super) shaft: Ramp,
-    /// Set-point of the load (m), while it is controlled.
-    pub(super) set_point_m: Option<f32>,
-    /// What held the load back in the tick before.
-    pub(super) limit: Option<Limit>,
-    /// What is known of the load, while the rig is homed.
-    pub(super) tracking: Option<&'a LoadTracking>,
-    /// The drive follows a position: the directions of motor and encoders are proven.
-    pub(super) closed_loop: bool,
-}
+const BRIEF_TICKS: u16 = 8;
+pub(super) const SHORT_TICKS: u16 = 30;
+pub(super) const LONG_TICKS: u16 = 300;
 
 /// The checks with what they remember, and the latched faults.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Guard {
     pub(super) latched: Latched,
     pub(super) timing: TickTiming,
@@ -72,49 +47,33 @@ pub(super) struct Guard {
 }
 
 impl Guard {
-    /// Nothing has been checked; these faults are latched.
-    pub(super) fn with_faults(faults: impl Iterator<Item = Fault>) -> Self {
-        let mut latched = Latched::NONE;
-        faults.for_each(|fault| latched.insert(fault));
-        Self {
-            latched,
-            timing: TickTiming::new(),
-            drive: DriveChecks::default(),
-            shaft: ShaftChecks::default(),
-            load: LoadChecks::default(),
-            gap: GapChecks::new(),
-            switches: Switches::default(),
-        }
-    }
-
     /// All that is wrong in this tick.
-    pub(super) fn check(&mut self, situation: &Situation<'_>) -> Faults {
-        let Situation { inputs, state, .. } = *situation;
+    pub(super) fn check(&mut self, rig: &Controller, inputs: &Inputs) -> Faults {
+        let state = rig.state();
         let late = self.timing.step(inputs.now_us);
         let tick_s = self.timing.tick_s();
-        self.shaft.watch_standing(situation, tick_s);
+        self.shaft.watch_standing(rig, inputs, tick_s);
         // With the emergency stop pressed the drive has no power: nothing else means anything.
         if state == State::EStop {
             return Faults::NONE;
         }
-        let mut found = self.drive.faults(situation, self.shaft.moved_counts, tick_s);
-        let disagrees = situation.tracking.is_some_and(|tracking| tracking.adaptation.disagrees());
+        let mut found = self.drive.faults(rig, inputs, self.shaft.moved_counts, tick_s);
+        let disagrees = rig.tracking.as_ref().is_some_and(|tracking| tracking.adaptation.disagrees());
         for (fault, is_found) in [
             (Fault::TickLate, late && state != State::Boot),
-            (Fault::NotFinite, !situation.readings.shaft_rad.is_finite()),
-            (Fault::NotHeld, self.shaft.not_held(situation, self.latched)),
-            (Fault::LimitSwitch, self.switches.reached(situation)),
-            (Fault::HostSilent, host_is_silent(situation)),
-            (Fault::TwistRange, self.shaft.twist_is_outside(situation)),
-            (Fault::FollowingError, self.shaft.lags(situation) | self.load.lags(situation)),
+            (Fault::NotHeld, self.shaft.not_held(rig, inputs, self.latched)),
+            (Fault::LimitSwitch, self.switches.reached(rig, inputs)),
+            (Fault::HostSilent, host_is_silent(inputs, state)),
+            (Fault::TwistRange, self.shaft.twist_is_outside(rig)),
+            (Fault::FollowingError, self.shaft.lags(rig) | self.load.lags(rig)),
             (Fault::ModelResidual, disagrees && state != State::Fault),
-            (Fault::LoadRange, self.load.is_out_of_range(situation)),
+            (Fault::LoadRange, self.load.is_out_of_range(rig)),
         ] {
             if is_found {
                 found.insert(fault);
             }
         }
-        self.gap.faults(situation).into_iter().flatten().for_each(|fault| found.insert(fault));
+        self.gap.faults(rig, inputs).into_iter().flatten().for_each(|fault| found.insert(fault));
         found
     }
 
@@ -137,20 +96,19 @@ impl Guard {
 
     /// Clears the faults and begins again. The count of late ticks goes on.
     pub(super) fn restart(&mut self) {
-        *self = Self { timing: self.timing.restarted(), ..Self::with_faults(core::iter::empty()) };
+        *self = Self { timing: self.timing.restarted(), ..Self::default() };
     }
 
     /// Gaps and twists mean something else from now on. A switch that was cleared open stays so.
     pub(super) fn forget_places(&mut self) {
         self.shaft = ShaftChecks::default();
         self.load = LoadChecks::default();
-        self.gap = GapChecks::new();
+        self.gap = GapChecks::default();
         self.switches.forget_places();
     }
 }
 
-fn host_is_silent(situation: &Situation<'_>) -> bool {
-    let Inputs { host_heard_us, now_us, .. } = *situation.inputs;
-    let silent = host_heard_us.is_none_or(|heard_us| now_us.saturating_sub(heard_us) > HOST_SILENT_US);
-    silent && matches!(situation.state, State::Moving | State::Homing)
+fn host_is_silent(inputs: &Inputs, state: State) -> bool {
+    let silent = inputs.host_heard_us.is_none_or(|heard_us| inputs.now_us.saturating_sub(heard_us) > HOST_SILENT_US);
+    silent && matches!(state, State::Moving | State::Homing)
 }

@@ -2,8 +2,8 @@
 
 use super::super::fault_policy::{Latched, Response};
 use super::super::sensing::DriveZero;
-use super::super::{STANDING_RPM, lasts};
-use super::{BRIEF_TICKS, SHORT_TICKS, Situation, drive};
+use super::super::{Controller, Inputs, STANDING_RPM, lasts};
+use super::{BRIEF_TICKS, SHORT_TICKS, drive};
 use crate::mechanism::OUTSIDE_RAD;
 use crate::sensors::DriveReading;
 use crate::whole_counts;
@@ -42,8 +42,8 @@ impl ShaftChecks {
     }
 
     /// Watches whether the shaft stands, by the own encoder and, where the drive reports, by the drive as well.
-    pub(super) fn watch_standing(&mut self, situation: &Situation<'_>, tick_s: f32) {
-        let Situation { inputs, constants, .. } = *situation;
+    pub(super) fn watch_standing(&mut self, rig: &Controller, inputs: &Inputs, tick_s: f32) {
+        let constants = &rig.constants;
         let own = inputs.encoder_counts;
         self.moved_counts = self.last_counts.replace(own).map_or(0, |last| own - last);
         let standing_rad_per_s = f32::from(STANDING_RPM) / 60.0 * TAU / constants.gear_ratio;
@@ -56,38 +56,39 @@ impl ShaftChecks {
     }
 
     /// Held by a fault, or by the first command after a start, the shaft has gone away all the same.
-    pub(super) fn not_held(&mut self, situation: &Situation<'_>, latched: Latched) -> bool {
+    pub(super) fn not_held(&mut self, rig: &Controller, inputs: &Inputs, latched: Latched) -> bool {
+        let drive_zero = rig.sensing.drive_zero;
         let by_fault =
             matches!(latched.response(), Some(Response::Hold | Response::HoldByDrive | Response::HoldIfHeard))
-                && situation.drive_zero.is_matched();
-        let by_start = latched.response().is_none() && matches!(situation.drive_zero, DriveZero::Rough(_));
-        let held = situation.closed_loop && (by_fault || by_start);
-        let shaft_rad = match (latched.own_encoder_is_wrong(), situation.inputs.drive) {
-            (false, _) => Some(situation.readings.shaft_rad),
+                && drive_zero.is_matched();
+        let by_start = latched.response().is_none() && matches!(drive_zero, DriveZero::Rough(_));
+        let held = rig.closed_loop && (by_fault || by_start);
+        let shaft_rad = match (latched.own_encoder_is_wrong(), inputs.drive) {
+            (false, _) => Some(rig.sensing.readings.shaft_rad),
             (true, DriveReading::Reports { position_qc, .. }) => {
-                situation.drive_zero.shaft_rad(position_qc.into(), situation.constants)
+                drive_zero.shaft_rad(position_qc.into(), &rig.constants)
             }
             (true, _) => None,
         };
-        let away = shaft_rad.is_some_and(|shaft_rad| (shaft_rad - situation.shaft.position).abs() > LAG_RAD);
+        let away = shaft_rad.is_some_and(|shaft_rad| (shaft_rad - rig.shaft.position).abs() > LAG_RAD);
         lasts(&mut self.away_ticks, held && away, BRIEF_TICKS)
     }
 
     /// The twist is farther out than the strings' range, or than where it was cleared, by more than [`OUTSIDE_RAD`]. Nearer, the
     /// bound follows it.
-    pub(super) fn twist_is_outside(&mut self, situation: &Situation<'_>) -> bool {
-        let Some(tracking) = situation.tracking else { return false };
-        let twist_rad = tracking.twist_rad(situation.readings.shaft_rad).abs();
-        let max_rad = (situation.table.twist_max_rad + OUTSIDE_RAD).max(self.cleared_twist_rad);
+    pub(super) fn twist_is_outside(&mut self, rig: &Controller) -> bool {
+        let Some(tracking) = &rig.tracking else { return false };
+        let twist_rad = tracking.twist_rad(rig.sensing.readings.shaft_rad).abs();
+        let max_rad = (rig.table.metadata().twist_max_rad + OUTSIDE_RAD).max(self.cleared_twist_rad);
         self.cleared_twist_rad = self.cleared_twist_rad.min(twist_rad + OUTSIDE_RAD);
         twist_rad > max_rad
     }
 
     /// The shaft stays behind its set-point.
-    pub(super) fn lags(&mut self, situation: &Situation<'_>) -> bool {
-        let Situation { shaft, readings, .. } = situation;
-        let follows = situation.drive_zero.is_matched() && situation.state != State::Fault;
-        let behind = (shaft.position - readings.shaft_rad).abs() > healthy_lag_rad(shaft.speed);
+    pub(super) fn lags(&mut self, rig: &Controller) -> bool {
+        let Controller { shaft, sensing, .. } = rig;
+        let follows = sensing.drive_zero.is_matched() && rig.state() != State::Fault;
+        let behind = (shaft.position - sensing.readings.shaft_rad).abs() > healthy_lag_rad(shaft.speed);
         lasts(&mut self.lag_ticks, behind && follows, SHORT_TICKS)
     }
 }

@@ -1,11 +1,10 @@
 //! The limit switches at the ends of the rail.
 
-use super::super::{Inputs, lasts, ticks};
-use super::Situation;
+use super::super::{Controller, Inputs, lasts};
 use crate::observer::TRAVEL_M;
 
 /// Ticks that a limit switch must be open: its contacts bounce.
-const SWITCH_TICKS: u16 = ticks(2);
+const SWITCH_TICKS: u16 = 2;
 
 /// The upper switch (least gap) and the lower one.
 #[derive(Clone, Copy, Debug, Default)]
@@ -31,11 +30,10 @@ impl Switches {
     }
 
     /// An end of the rail has been reached, or passed after a `clear`.
-    pub(super) fn reached(&mut self, situation: &Situation<'_>) -> bool {
-        let inputs = situation.inputs;
-        let reached = self.step([inputs.upper_limit_open, inputs.lower_limit_open], situation.readings.lvdt.gap_m());
-        reached
-            && (situation.drive_zero.is_matched() || situation.closed_loop && situation.drive_zero.offset().is_some())
+    pub(super) fn reached(&mut self, rig: &Controller, inputs: &Inputs) -> bool {
+        let sensing = &rig.sensing;
+        let reached = self.step([inputs.upper_limit_open, inputs.lower_limit_open], sensing.readings.lvdt.gap_m());
+        reached && (sensing.drive_zero.is_matched() || rig.closed_loop && sensing.drive_zero.offset().is_some())
     }
 
     fn step(&mut self, open: [bool; 2], gap_m: Option<f32>) -> bool {

@@ -1,6 +1,5 @@
 //! Ticks that come late.
 
-use super::super::ticks;
 use crate::sensors::OLD_US;
 use crate::{TICK_US, seconds};
 
@@ -8,7 +7,7 @@ use crate::{TICK_US, seconds};
 /// encoder's 16 bits could wrap unseen at full speed, and the drive has stood at an old target.
 pub(super) const LATE_US: u64 = TICK_US + TICK_US / 2;
 /// Each late tick costs this much, each tick in time takes 1 off, and more than four times as much is a fault: five in a second.
-const LATE_COST: u16 = ticks(25);
+const LATE_COST: u16 = 25;
 
 /// When ticks came.
 #[derive(Clone, Copy, Debug)]
@@ -23,14 +22,16 @@ pub(in crate::supervisor) struct TickTiming {
     pub(in crate::supervisor) late_ticks: u32,
 }
 
-impl TickTiming {
-    pub(super) const fn new() -> Self {
+impl Default for TickTiming {
+    fn default() -> Self {
         Self { apart_us: TICK_US, last_tick_us: None, since_late_us: u64::MAX, late_cost: 0, late_ticks: 0 }
     }
+}
 
+impl TickTiming {
     /// As new, but for the count of late ticks.
     pub(super) fn restarted(&self) -> Self {
-        Self { late_ticks: self.late_ticks, ..Self::new() }
+        Self { late_ticks: self.late_ticks, ..Self::default() }
     }
 
     /// One tick; whether ticks come so late that it is a fault.
@@ -71,7 +72,7 @@ mod tests {
 
     /// Whether a last tick is a fault, after ticks so far apart (µs).
     fn is_fault(apart_us: &[u64]) -> (bool, u32) {
-        let (mut timing, mut now_us) = (TickTiming::new(), 1_000_000);
+        let (mut timing, mut now_us) = (TickTiming::default(), 1_000_000);
         let mut fault = timing.step(now_us);
         for apart_us in apart_us {
             now_us += apart_us;
@@ -94,7 +95,7 @@ mod tests {
 
     #[test]
     fn a_pause_is_not_late_and_a_restart_keeps_the_count() {
-        let mut timing = TickTiming::new();
+        let mut timing = TickTiming::default();
         timing.step(0);
         timing.pause();
         assert!(!timing.step(10_000_000) && timing.late_ticks == 0);

@@ -306,8 +306,7 @@ fn half_of_the_bins_are_enough() {
 fn result(unknowns: Unknowns, given: LoadChoice, wanted_n: f32, residual_m: f32) -> Result<Weighed, HomingFailure> {
     let mut covariance = [[0.0; UNKNOWNS]; UNKNOWNS];
     (covariance[0][0], covariance[1][1], covariance[2][1], covariance[2][2]) = (1e-4, 4e-6, 5e-4, 9e-2);
-    let fit = Fit { covariance, scale_by_growth: 0.0, residual_m };
-    ended(unknowns, given).result(table(), wanted_n, &fit)
+    ended(unknowns, given).result(table(), wanted_n, &covariance, 0.0, residual_m)
 }
 
 /// At the last step.
@@ -346,17 +345,17 @@ fn a_load_on_rods_that_remember_a_heavier_one_is_lighter_than_it_seems_unless_it
     let Uncertainty { rod_memory, load_shape, .. } = table().metadata.uncertainty;
     for heaviest_n in [0.0f32, 5.0, 7.0, 12.0] {
         let found = |given| {
+            let heaviest_n = LoadEstimate::new(1.0, given, heaviest_n).heaviest_n;
             let remembers = LoadEstimate { heaviest_n, ..ended(EXPECTED, given) };
-            let fit = Fit { covariance: [[0.0; UNKNOWNS]; UNKNOWNS], scale_by_growth: 0.0, residual_m: 0.0 };
-            remembers.result(table(), 5.0, &fit).expect("a load")
+            (remembers.result(table(), 5.0, &[[0.0; UNKNOWNS]; UNKNOWNS], 0.0, 0.0).expect("a load"), heaviest_n)
         };
-        let weighed = found(LoadChoice::Auto);
+        let (weighed, remembered_n) = found(LoadChoice::Auto);
         let excess = rod_memory * memory_shape(weighed.load_n, heaviest_n);
-        assert_eq!((weighed.apparent_n, weighed.heaviest_n), (5.0, heaviest_n));
+        assert_eq!((weighed.apparent_n, remembered_n), (5.0, heaviest_n));
         near(weighed.load_n * (1.0 + excess), 5.0, 1e-3);
         near(weighed.load_sigma_n / weighed.load_n, load_shape.hypot(MEMORY_ERROR * excess), 1e-3);
-        let given = found(LoadChoice::Known(5.0));
-        assert_eq!((given.apparent_n, given.load_n, given.load_sigma_n, given.heaviest_n), (5.0, 5.0, 0.0, 0.0));
+        let (given, remembered_n) = found(LoadChoice::Known(5.0));
+        assert_eq!((given.apparent_n, given.load_n, given.load_sigma_n, remembered_n), (5.0, 5.0, 0.0, 0.0));
     }
 }
 
@@ -385,8 +384,8 @@ fn one_scale_stands_for_scale_and_growth() {
     let mut covariance = [[0.0; UNKNOWNS]; UNKNOWNS];
     (covariance[1][1], covariance[4][1], covariance[4][4]) = (4e-4, -1e-4, 9e-4);
     (covariance[2][1], covariance[4][2], covariance[2][2]) = (5e-4, 2e-4, 9e-2);
-    let fit = Fit { covariance, scale_by_growth: 2.0, residual_m: 0.0 };
-    let found = ended(Unknowns { growth: -0.02, ..EXPECTED }, LoadChoice::Auto).result(table(), 5.0, &fit);
+    let estimate = ended(Unknowns { growth: -0.02, ..EXPECTED }, LoadChoice::Auto);
+    let found = estimate.result(table(), 5.0, &covariance, 2.0, 0.0);
     let found = found.expect("a load");
     near(found.twist_scale, 1.0 - 2.0 * 0.02, 1e-6);
     let mechanism = Mechanism { table: *table(), twist_scale: found.twist_scale, curve: found.curve };
