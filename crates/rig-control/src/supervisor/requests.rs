@@ -101,25 +101,36 @@ impl Controller {
         let start = self.move_start().ok_or(Refusal::NotHomed)?;
         start.check(&request)?;
         let control = self.load_control(start.position_m);
-        if let Some(tracking) = &mut self.tracking {
-            tracking.observer.source = request.load;
-            tracking.adaptation.forget_move();
-        }
+        self.set_out(request.load);
         self.mode = Mode::Moving(Move::new(control, request.target_m, request.speed_m_per_s));
         Ok(Accepted::Started)
     }
 
+    /// A move or a stream begins, with a load from there; what a move before has recorded belongs to it alone.
+    fn set_out(&mut self, load: LoadChoice) {
+        if let Some(tracking) = &mut self.tracking {
+            tracking.observer.source = load;
+            tracking.adaptation.forget_move();
+        }
+    }
+
     /// The next set-point of a stream, or the first one. One that is refused ends the stream.
     fn track(&mut self, point: &StreamPoint, events: &mut Events) -> Result<Accepted, Refusal> {
-        let taken = self.check_stream(point).map(|control| match &mut self.mode {
-            Mode::Streaming(stream) => stream.take(point),
-            mode => *mode = Mode::Streaming(Stream::new(control, point, self.settings.get(Setting::SpeedMax))),
-        });
-        if let (Err(_), Mode::Streaming(stream)) = (&taken, &self.mode) {
-            let _ = events.push(EventKind::StreamEnded(StreamEnd::Refused));
-            self.mode = Mode::Moving(stream.brake());
+        match (self.check_stream(point), &mut self.mode) {
+            (Ok(_), Mode::Streaming(stream)) => stream.take(point),
+            (Ok(control), _) => {
+                self.set_out(LoadChoice::Auto);
+                self.mode = Mode::Streaming(Stream::new(control, point, self.settings.get(Setting::SpeedMax)));
+            }
+            (Err(refusal), mode) => {
+                if let Mode::Streaming(stream) = mode {
+                    let _ = events.push(EventKind::StreamEnded(StreamEnd::Refused));
+                    *mode = Mode::Moving(stream.brake());
+                }
+                return Err(refusal);
+            }
         }
-        taken.map(|()| Accepted::Started)
+        Ok(Accepted::Started)
     }
 
     /// Whether the load can be led to this set-point of a stream, and what controls it.

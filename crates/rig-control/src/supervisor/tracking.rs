@@ -34,11 +34,12 @@ pub(super) struct LoadTracking {
 impl LoadTracking {
     /// From a homing, at rest at the half-turn pre-twist.
     pub(super) fn new(mut homed: Homed, table: &Table<'_>, settings: &SettingValues, constants: &RigConstants) -> Self {
+        let homed_gap_m = homed.found.reference_gap_m;
         homed.found.reference_gap_m -= settings.get(Setting::PositionZero);
         Self {
             homed,
             observer: LoadObserver::new(&homed.found, &table.metadata.uncertainty, homed.heaviest_n),
-            homed_gap_m: homed.found.reference_gap_m,
+            homed_gap_m,
             lvdt_change_error: constants.lvdt_change_error(),
             adaptation: Adaptation::new(homed.found.twist_scale),
             // Subtract from zero: negating 0.0 would print as -0.

@@ -4,7 +4,8 @@ use crate::bench::{Bench, to};
 use crate::fixture::{constants, near, table};
 use rig_control::TICK_S;
 use rig_link::messages::{
-    Accepted, Doubt, Doubts, EventKind, Fault, Limit, Parameter, Refusal, Request, Setting, State, StreamEnd,
+    Accepted, Doubt, Doubts, EventKind, Fault, Limit, LoadChoice, Parameter, Refusal, Request, Setting, State,
+    StreamEnd,
 };
 use std::f32::consts::PI;
 use tsa_table::record::StoredTable;
@@ -256,6 +257,33 @@ fn a_stream_is_followed_as_long_as_it_comes() {
 }
 
 #[test]
+fn a_stream_that_interrupts_a_move_goes_on_with_the_load_that_is_seen_and_teaches_nothing() {
+    let mut bench = Bench::homed();
+    let twist_scale = bench.shown().twist_scale;
+    bench.begin(Request::Move { target_m: 0.012, speed_m_per_s: 0.004, load: LoadChoice::Known(8.0) });
+    bench.run(20);
+    bench.begin(to(0.012, 0.004));
+    bench.run(150);
+    // The load is changed while the set-point stands.
+    let position_m = bench.shown().setpoint_m.unwrap();
+    for k in 0..400 {
+        bench.load_n += if k < 300 { 0.5e-2 } else { 0.0 };
+        let request = (k % 5 == 0).then_some(Request::Track { position_m, speed_m_per_s: 0.0, for_s: 0.1 });
+        assert!(bench.tick(request).reply.is_none_or(|reply| reply.is_ok()));
+    }
+    bench.while_in(State::Moving);
+    assert_eq!((bench.rig.state(), bench.shown().twist_scale), (State::Holding, twist_scale));
+    // One that follows a move under a given load does not keep that load.
+    bench.begin(Request::Move { target_m: 0.008, speed_m_per_s: 0.004, load: LoadChoice::Known(9.0) });
+    bench.while_in(State::Moving);
+    let position_m = bench.shown().setpoint_m.unwrap();
+    bench.begin(Request::Track { position_m, speed_m_per_s: 0.0, for_s: 0.1 });
+    bench.run(5);
+    let [_, _, by_twist] = bench.gap_at(bench.load_n, bench.twist_rad);
+    near(bench.shown().tr_rad_per_m.unwrap() * -by_twist, 1.0, 0.02);
+}
+
+#[test]
 fn a_set_point_that_is_refused_or_out_of_reach_ends_a_stream() {
     let mut bench = Bench::homed();
     bench.move_to(0.006, 0.004);
@@ -346,6 +374,16 @@ fn what_is_shown_of_motor_sensors_and_errors_is_what_is() {
     near(sensors.drive_rad.unwrap(), shaft_rad + 3000.0 / bench.constants.counts_per_rad, 1e-3);
     near(sensors.gap_m.unwrap(), bench.gap_m, 20e-6);
     near(sensors.rest_tolerance_m.unwrap(), 1.645 * found.gap_noise_m, 1e-7);
+}
+
+#[test]
+fn the_position_error_counts_from_where_the_load_hung_at_homing_whatever_position_zero_is() {
+    let mut bench = Bench::new(5.0, 0.01, 9.0);
+    bench.start();
+    bench.begin(Request::SetSetting { setting: Setting::PositionZero, value: 0.02 });
+    let found = bench.home();
+    bench.run(20);
+    near(bench.shown().position_error_m.unwrap(), 1.645 * found.gap_noise_m, 1e-7);
 }
 
 #[test]
