@@ -124,6 +124,16 @@ fn people_see_inferred_geometry_and_contradictions() {
 }
 
 #[test]
+fn all_sets_are_found_from_any_folder() {
+    let elsewhere = std::process::Command::new(env!("CARGO_BIN_EXE_tsa-lab"))
+        .args(["--json", "published", "--all"])
+        .current_dir(std::env::temp_dir())
+        .output()
+        .expect("it runs");
+    assert!(elsewhere.status.success(), "{}", error_of(&elsewhere));
+}
+
+#[test]
 fn all_sets_give_what_each_gives_alone() {
     let all = objects(&["--json", "published", "--all"]);
     assert_eq!(all.len(), 3 * 37);

@@ -9,12 +9,12 @@ use tsa_table::fit::FitError;
 #[derive(Debug, thiserror::Error)]
 pub enum SceneError {
     /// Any of the others, in a file.
-    #[error("scene file {path}: {source}")]
+    #[error("scene file {path}: {what}")]
     InFile {
         /// The file.
         path: PathBuf,
-        /// What is wrong with it.
-        source: Box<SceneError>,
+        /// What is wrong with it. No `source`, because the message has it.
+        what: Box<SceneError>,
     },
     /// The file could not be read.
     #[error(transparent)]
@@ -49,7 +49,7 @@ pub enum SceneError {
 impl SceneError {
     /// The same, naming the file.
     pub fn in_file(self, path: impl Into<PathBuf>) -> Self {
-        Self::InFile { path: path.into(), source: Box::new(self) }
+        Self::InFile { path: path.into(), what: Box::new(self) }
     }
 }
 

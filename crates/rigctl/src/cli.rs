@@ -169,7 +169,7 @@ pub fn run(Cli { global, command }: &Cli, output: &mut Output) -> Result<(), Fai
         Command::Lookup(options) => lookup::run(global, options, output),
         Command::Table(_) | Command::Published { .. } => table::send(global, output),
         Command::Play(options) => options.run(global, output),
-        Command::Sim(options) => global.never_a_device().and_then(|()| options.run(global, output)),
+        Command::Sim(options) => options.run(&global.always_emulated()?, output),
         Command::Home(options) => options.run(global, output),
         Command::Move(options) => options.run(global, output),
         Command::Track(options) => options.run(global, output),

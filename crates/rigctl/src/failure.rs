@@ -66,7 +66,7 @@ impl std::fmt::Display for BrokenOff {
 
 fn is_missing(error: &SceneError) -> bool {
     match error {
-        SceneError::InFile { source, .. } => is_missing(source),
+        SceneError::InFile { what, .. } => is_missing(what),
         SceneError::Read(e) => e.kind() == std::io::ErrorKind::NotFound,
         _ => false,
     }

@@ -40,6 +40,20 @@ impl OutFile {
     }
 }
 
+/// Checks that two options name different files.
+///
+/// # Errors
+/// Naming both.
+pub fn distinct(option: &str, path: Option<&Path>, other_option: &str, other: Option<&Path>) -> Result<(), Failure> {
+    let whole = |path: &Path| std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+    match (path, other) {
+        (Some(path), Some(other)) if whole(path) == whole(other) => {
+            Err(Failure::Usage(format!("{option} {}: this is the file of {other_option}", path.display())))
+        }
+        _ => Ok(()),
+    }
+}
+
 fn unwritable(path: &Path, error: &io::Error) -> Failure {
     Failure::failed(format!("cannot write {}: {error}", path.display()))
 }

@@ -22,7 +22,7 @@ const NOISE_BYTES: u32 = 40;
 /// stopped.
 ///
 /// # Errors
-/// If the port fails, the board is silent, an event is impossible (all are checked before the first one), or `each` fails.
+/// If the port fails, the board is silent, an event is impossible, or `each` fails.
 pub fn play(
     session: &mut Session,
     script: &Script,
@@ -31,11 +31,6 @@ pub fn play(
 ) -> Result<usize, Failure> {
     if session.emulated().is_some() {
         session.bears_silence = true;
-        for event in &script.events {
-            if let Action::Plant(change) = event.action {
-                change.check_running().map_err(|error| at_line(event, error.into()))?;
-            }
-        }
     }
     // A board that was not greeted moves nothing.
     session.greets = true;

@@ -8,15 +8,18 @@ use std::path::{Path, PathBuf};
 /// What to do if a scene is neither here nor in the program's folder.
 const HINT: &str = "; name a scene that is there with --scene FILE";
 
-/// The parser of options that name a scene. A relative path that does not exist here is one of the folder that the program belongs
-/// to: the archive above `bin`, the checkout above `target/release`.
+/// The parser of options that name a scene.
 pub(crate) fn parser() -> impl TypedValueParser<Value = PathBuf> {
-    PathBufValueParser::new().map(|path| {
-        let own = std::env::current_exe().unwrap_or_default();
-        let mut places = own.ancestors().skip(2).take(2).map(|folder| folder.join(&path));
-        let there = if path.exists() { None } else { places.find(|place| place.exists()) };
-        there.unwrap_or(path)
-    })
+    PathBufValueParser::new().map(find)
+}
+
+/// The scene of this path. A relative path that does not exist here is one of the folder that the program belongs to: the archive
+/// above `bin`, the checkout above `target/release`.
+pub fn find(path: PathBuf) -> PathBuf {
+    let own = std::env::current_exe().unwrap_or_default();
+    let mut places = own.ancestors().skip(2).take(2).map(|folder| folder.join(&path));
+    let there = if path.exists() { None } else { places.find(|place| place.exists()) };
+    there.unwrap_or(path)
 }
 
 /// Checks that a scene file is there.

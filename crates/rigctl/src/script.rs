@@ -153,7 +153,11 @@ fn action(words: &[&str]) -> Result<Action, String> {
         return request.map(Action::Command);
     }
     Ok(match words {
-        ["plant", change] => Action::Plant(change.parse().map_err(|e: PlantError| e.to_string())?),
+        ["plant", change] => {
+            let change: PlantChange = change.parse().map_err(|e: PlantError| e.to_string())?;
+            change.check_running().map_err(|e| e.to_string())?;
+            Action::Plant(change)
+        }
         ["fault", name] => Action::Fault { fault: fault(name)?, on: true },
         ["fault", name, "off"] => match fault(name)? {
             ScriptFault::PowerCycle => return Err("fault power-cycle ends by itself".into()),
@@ -217,6 +221,8 @@ mod tests {
             ("1 home load=1kg load=2kg\n2 end", 1, "load is given twice"),
             ("1 move 5mm speed=2mm/s speed=3mm/s\n2 end", 1, "speed is given twice"),
             ("1 plant weight=5\n2 end", 1, "weight"),
+            ("1 plant load=250N\n2 end", 1, "load"),
+            ("1 plant twist_at_boot=5\n2 end", 1, "twist_at_boot"),
             ("1 fault fire\n2 end", 1, "fire"),
             ("1 config set lvdt-gian 1\n2 end", 1, "lvdt-gain"),
             ("1 config set lvdt-offset 1kg\n2 end", 1, "lvdt-offset"),

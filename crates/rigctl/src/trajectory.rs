@@ -67,7 +67,11 @@ impl Trajectory {
             return Err(format!("line {line}: t_s {t_s} is not later than {} in the line before", pair[0].1[0]));
         }
         let column = |k: usize| points.iter().map(|(_, row)| row[k]).collect::<Vec<f64>>();
-        let mut trajectory = Self::new(&column(0), &column(1), has_speed.then(|| column(2)).as_deref())?;
+        let made = Self::through(&column(0), &column(1), has_speed.then(|| column(2)).as_deref());
+        let mut trajectory = made.map_err(|(point, why)| match point.and_then(|k| points.get(k)) {
+            Some((line, _)) => format!("line {line}: {why}"),
+            None => why,
+        })?;
         for (point, (line, _)) in trajectory.0.iter_mut().zip(&points) {
             point.row = *line;
         }
@@ -81,13 +85,35 @@ impl Trajectory {
     /// Naming what is wrong: fewer than two points, numbers that are not finite or that no rig can have, times that do not
     /// grow, lists of unlike lengths.
     pub fn new(times_s: &[f64], positions_m: &[f64], speeds_m_per_s: Option<&[f64]>) -> Result<Self, String> {
+        Self::through(times_s, positions_m, speeds_m_per_s).map_err(|(point, why)| match point {
+            Some(k) => format!("point {k}: {why}"),
+            None => why,
+        })
+    }
+
+    /// The same; an error has the point that is wrong, if it is one.
+    fn through(
+        times_s: &[f64],
+        positions_m: &[f64],
+        speeds_m_per_s: Option<&[f64]>,
+    ) -> Result<Self, (Option<usize>, String)> {
         let count = times_s.len();
         if count < 2 {
-            return Err(format!("a trajectory has at least 2 points, this one has {count}"));
+            return Err((None, format!("a trajectory has at least 2 points, this one has {count}")));
         }
         if positions_m.len() != count || speeds_m_per_s.is_some_and(|speeds| speeds.len() != count) {
             let speeds = speeds_m_per_s.map_or(String::new(), |speeds| format!(" and {} speeds", speeds.len()));
-            return Err(format!("{count} times, {} positions{speeds}: they must be as many", positions_m.len()));
+            let why = format!("{count} times, {} positions{speeds}: they must be as many", positions_m.len());
+            return Err((None, why));
+        }
+        // Before speeds are made of them, so that the number itself is named.
+        for k in 0..count {
+            let speed = speeds_m_per_s.map_or(0.0, |speeds| speeds[k]);
+            for (name, value) in [("time", times_s[k]), ("position", positions_m[k]), ("speed", speed)] {
+                if !value.is_finite() {
+                    return Err((Some(k), format!("its {name} must be a finite number, and is {value}")));
+                }
+            }
         }
         let slope = |k: usize| match speeds_m_per_s {
             Some(speeds) => speeds[k],
@@ -104,11 +130,8 @@ impl Trajectory {
             .collect();
         for (k, p) in points.iter().enumerate() {
             let later = k == 0 || p.t_s > points[k - 1].t_s;
-            if !(p.t_s.is_finite() && p.position_m.is_finite() && p.speed_m_per_s.is_finite()) {
-                return Err(format!("point {k}: time, position and speed must be finite numbers"));
-            }
             if !later {
-                return Err(format!("point {k}: its time, {} s, is not later than the one before", times_s[k]));
+                return Err((Some(k), format!("its time, {} s, is not later than the one before", times_s[k])));
             }
             for (name, value, max, unit) in [
                 ("time", p.t_s, LONGEST_S, "s"),
@@ -116,7 +139,7 @@ impl Trajectory {
                 ("speed", p.speed_m_per_s, MAX_M_PER_S, "m/s"),
             ] {
                 if value.abs() > max {
-                    return Err(format!("point {k}: its {name} is {value} {unit}, more than {max} {unit}"));
+                    return Err((Some(k), format!("its {name} is {value} {unit}, more than {max} {unit}")));
                 }
             }
         }
@@ -231,7 +254,8 @@ mod tests {
             ("t_s,position_m\n0,0.001\n", "at least 2"),
             ("t_s,position_m\n0,0.001\n0,0.002\n", "line 3"),
             ("t_s,position_m\n0,0.001\n1,x\n", "line 3"),
-            ("t_s,position_m\n0,0.001\n1,nan\n", "finite"),
+            ("t_s,position_m\n0,0.001\n1,0.002\n2,0.002\n3,nan\n", "line 5: its position"),
+            ("t_s,position_m\n0,0.001\n1,12\n", "line 3: its position"),
             ("t_s,height\n0,0.001\n1,0\n", "position_m"),
         ] {
             let error = Trajectory::parse(text).expect_err(text);

@@ -54,7 +54,7 @@ fn first_homing(faults: &[RigFault], load: &str, seed: u64) -> Outcome {
 
 /// Motor, drive's encoder, own encoder and LVDT, each as it should be or reversed.
 const SIGNS: [RigFault; 4] =
-    [RigFault::MotorSwapped, RigFault::DriveEncoderSwapped, RigFault::EncoderSwapped, RigFault::LvdtReversed];
+    [RigFault::MotorSwapped, RigFault::DriveEncoderSwapped, RigFault::EncoderSwapped, RigFault::LvdtSwapped];
 
 #[test]
 fn no_combination_of_wrong_signs_turns_the_strings_by_more_than_a_radian() {

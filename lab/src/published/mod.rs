@@ -12,11 +12,11 @@ pub mod identify;
 pub mod numbers;
 
 use comparison::Comparison;
-use rig_config::Scene;
 use rigctl::failure::Failure;
 use rigctl::options::Global;
 use rigctl::out_file::write_file;
 use rigctl::output::Output;
+use rigctl::scene_file;
 use std::path::PathBuf;
 
 /// The paper's three parameter sets, as scene files: what was fitted, the same with eq. 6 kept, and Table 1 as printed.
@@ -43,7 +43,9 @@ impl Arguments {
     /// If a scene cannot be read, or the folder cannot be written.
     pub fn run(&self, global: &Global, output: &mut Output) -> Result<(), Failure> {
         let scenes = if self.all {
-            let load = |name: &&str| Ok(((*name).to_owned(), Scene::load(format!("scenes/{name}.toml"))?));
+            let load = |name: &&str| {
+                Ok(((*name).to_owned(), scene_file::load(&scene_file::find(format!("scenes/{name}.toml").into()))?))
+            };
             SETS.iter().map(load).collect::<Result<_, Failure>>()?
         } else {
             vec![(global.scene.display().to_string(), global.scene()?)]

@@ -71,7 +71,7 @@ named_faults! {
         /// The encoder has no supply: neither the drive nor the microcontroller counts.
         EncoderUnpowered = "encoder-unpowered",
         /// The LVDT's output is reversed: it falls where it should rise.
-        LvdtReversed = "lvdt-reversed",
+        LvdtSwapped = "lvdt-swapped",
         /// LVDT lead open: reads 0 V.
         LvdtOpen = "lvdt-open",
         /// LVDT shorted to the supply: reads full scale.
@@ -235,7 +235,7 @@ impl EmulatedRig {
             RigFault::DriveEncoderDither => self.encoder.dithers = on,
             RigFault::DriveLines => self.encoder.delivered = on,
             RigFault::MotorSwapped => self.motor_swapped = on,
-            RigFault::LvdtReversed => self.lvdt.faults.reversed = on,
+            RigFault::LvdtSwapped => self.lvdt.faults.reversed = on,
             RigFault::EncoderSlip => self.encoder.set_slipping(on, angle_rad),
             RigFault::EncoderJump if on => self.encoder.jump(),
             RigFault::LvdtOpen => self.lvdt.faults.open = on,

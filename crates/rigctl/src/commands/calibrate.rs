@@ -25,7 +25,7 @@ pub enum Calibrate {
     /// or by up to 11 gaps in a file. Without options it only prints the reading
     Lvdt {
         /// The true gap now (m, mm)
-        #[arg(long, value_name = "GAP", value_parser = values::of("gap", Quantity::Length))]
+        #[arg(long, value_name = "GAP", allow_hyphen_values = true, value_parser = values::of("gap", Quantity::Length))]
         gap: Option<f64>,
         /// A gap that was measured before (m, mm), and the uncalibrated reading of the sensor there: the first call prints both
         #[arg(long, value_name = "GAP:SENSOR", requires = "gap")]
@@ -56,6 +56,11 @@ pub fn run(global: &Global, what: &Calibrate, output: &mut Output) -> Result<(),
         // Before a board is asked: a file that is no calibration.
         lvdt_points::load(file, &scene.rig, *gauge_error)?;
     }
+    if let Calibrate::Lvdt { gap: Some(gap_m), .. } = what
+        && *gap_m <= 0.0
+    {
+        return Err(Failure::Usage(format!("--gap {}: must be above 0", MM.exact(*gap_m))));
+    }
     let mut session = global.target()?.connect(Wanted::OfScene)?;
     session.wait_started()?;
     if matches!(what, Calibrate::Zero) && global.is_emulated() {
@@ -82,7 +87,7 @@ pub fn of(
         }
         Calibrate::Lvdt { no_points: true, .. } => points(session, None, lasts, output),
         Calibrate::Lvdt { gap, point, .. } => lvdt(session, *gap, *point, lasts, output),
-        Calibrate::Zero => zero(session, output),
+        Calibrate::Zero => zero(session, lasts, output),
     }
 }
 
@@ -192,12 +197,12 @@ fn position(session: &mut Session) -> Result<f64, Failure> {
     Ok(positions.iter().sum::<f64>() / positions.len() as f64)
 }
 
-fn zero(session: &mut Session, output: &mut Output) -> Result<(), Failure> {
+fn zero(session: &mut Session, lasts: bool, output: &mut Output) -> Result<(), Failure> {
     session.wait_ready()?;
     let before_m = position(session)?;
     let old_m = f64::from(session.settings()?.values.get(Setting::PositionZero));
     let value = (old_m + before_m) as f32;
-    session.set(&Request::SetSetting { setting: Setting::PositionZero, value })?;
+    let unhomed = session.set(&Request::SetSetting { setting: Setting::PositionZero, value })?;
     let after_m = position(session)?;
     output.object(&json!({"position_before_m": before_m, "position_m": after_m, "position_zero_m": decimal(value),
         "kept": true}))?;
@@ -207,5 +212,5 @@ fn zero(session: &mut Session, output: &mut Output) -> Result<(), Failure> {
         shown(after_m),
         shown(value.into())
     ))?;
-    Ok(())
+    Ok(board_settings::next_steps(session, lasts, unhomed, output)?)
 }

@@ -28,7 +28,7 @@ pub struct Demo {
 /// # Errors
 /// If anything fails, or a floor is missed.
 pub fn run(global: &Global, Demo { out }: &Demo, output: &mut Output) -> Result<(), Failure> {
-    global.never_a_device()?;
+    let global = &global.always_emulated()?;
     let scene = global.rig_config()?;
     if let Some(own) = global.board.plant.iter().find(|s| [PlantKey::Load, PlantKey::TwistAtBoot].contains(&s.key)) {
         return Err(Failure::Usage(format!("--plant {}: the demo has its own", own.key)));

@@ -24,7 +24,7 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, Args)]
 pub struct Home {
     /// `auto` (the board weighs the load) or the load as you weighed it
-    #[arg(long, value_name = "auto|L", default_value = "auto", value_parser = load_choice)]
+    #[arg(long, value_name = "auto|L", default_value = "auto", allow_hyphen_values = true, value_parser = load_choice)]
     load: LoadChoice,
 }
 
@@ -55,7 +55,7 @@ pub struct Move {
     #[arg(long, value_name = "V|max", default_value = "2mm/s", allow_hyphen_values = true, value_parser = speed_or_max)]
     pub(super) speed: f64,
     /// `auto` (the board's own estimate) or a load
-    #[arg(long, value_name = "auto|L", default_value = "auto", value_parser = load_choice)]
+    #[arg(long, value_name = "auto|L", default_value = "auto", allow_hyphen_values = true, value_parser = load_choice)]
     pub(super) load: LoadChoice,
     /// Print the planned trajectory and the table's answers, without a device; needs a load
     #[arg(long)]

@@ -50,11 +50,13 @@ pub fn run(global: &Global, options: &Replay, output: &mut Output) -> Result<(),
     let fit = scene.fit_table()?;
     let table = fit.table.table();
     let crc = format!("{:08x}", table.checksum());
-    let same_table = log.header.get("table.crc") == Some(&crc);
-    if !same_table {
-        crate::output::say!(
+    let same_table = log.header.get("table.crc").map(|logged| *logged == crc);
+    match same_table {
+        Some(true) => {}
+        Some(false) => crate::output::say!(
             "note: the board's table was another one for the same scene; small differences are the tables'"
-        );
+        ),
+        None => crate::output::say!("note: the log does not tell which table the board had"),
     }
     let stretches = replay(&log, &scene, &table).map_err(wrong)?;
     output.object(&json!({"file": name.to_string(), "same_table": same_table, "stretches": stretches}))?;

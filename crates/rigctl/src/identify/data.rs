@@ -122,6 +122,11 @@ impl Data {
         if !table.has("load_n") {
             return Err("has no column `load_n`".into());
         }
+        if table.has("load_error_n") {
+            return Err(
+                "has a column `load_error_n`: its loads are the board's estimates, and nobody has weighed them".into(),
+            );
+        }
         let (twist, length) = (either(["turns", "twist_rad"])?, either(["gap_m", "contraction_m"])?);
         let quantity = if length == "gap_m" { Quantity::Gap } else { Quantity::Contraction };
         let zero = (quantity == Quantity::Gap).then_some(self.zeros);
@@ -258,8 +263,14 @@ pub fn sweeps(scene: &Scene, files: &[impl AsRef<Path>], partial: bool) -> Resul
     let base = Parameters::new(&scene.geometry, &scene.string, &scene.material)?;
     let mut data = Data::default();
     let mut recorded = Vec::new();
+    let mut places = Vec::new();
     for path in files.iter().map(AsRef::as_ref) {
         let name = path.display().to_string();
+        let place = path.canonicalize().unwrap_or_else(|_| path.to_owned());
+        if places.contains(&place) {
+            return Err(Failure::Usage(format!("sweep {name} is given twice")));
+        }
+        places.push(place);
         let content = rig_config::files::read(path).map_err(|e| e.to_string());
         let read = content.and_then(|bytes| match Log::is_one(&bytes) {
             true => {

@@ -126,13 +126,13 @@ impl Global {
         no_effect([port].into_iter().chain(self.of_emulated_board()), "this command uses no rig");
     }
 
-    /// For a command that is always on the emulated board.
+    /// The same for a command that is always on the emulated board, whatever port the environment names.
     ///
     /// # Errors
     /// If another port is given.
-    pub fn never_a_device(&self) -> Result<(), Failure> {
+    pub fn always_emulated(&self) -> Result<Self, Failure> {
         match self.given_device() {
-            None => Ok(()),
+            None => Ok(Self { port: Some(SIM.into()), ..self.clone() }),
             Some(port) => Err(Failure::Usage(format!(
                 "--port {port}: this command is always on the emulated board; `play` takes a script to a rig"
             ))),

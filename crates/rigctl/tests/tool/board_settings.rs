@@ -94,11 +94,11 @@ fn damaged_settings_are_cleared_by_the_tool() {
     assert_eq!(on(&flash, &["status"])[0]["telemetry"]["fault"], "settings-corrupt");
     let cleared = on(&flash, &["clear"]);
     assert!(cleared.last().is_some_and(|row| row["fault"].is_null()), "{cleared:?}");
-    let told = rigctl(&["config", "set", "speed-max", "3mm/s"]);
-    assert!(
-        String::from_utf8_lossy(&told.stdout).contains("nothing of this lasts"),
-        "an emulated board without --flash"
-    );
+    for changes in [&["config", "set", "speed-max", "3mm/s"][..], &["calibrate", "zero"]] {
+        let told = rigctl(changes);
+        let said = String::from_utf8_lossy(&told.stdout).into_owned();
+        assert!(said.contains("nothing of this lasts"), "an emulated board without --flash: {said}");
+    }
 }
 
 #[test]

@@ -371,7 +371,9 @@ fn the_frequency_response_of_an_ideal_rig_is_that_of_a_loop_that_follows() {
     }
     // A dot for each frequency in six panels.
     assert_eq!(drawn.matches("<circle").count(), 6 * rows.len());
-    for wrong in [["--from", "3Hz"], ["--to", "9Hz"], ["--amplitude", "50mm"], ["--figure", path]] {
+    for wrong in
+        [["--from", "3Hz"], ["--to", "9Hz"], ["--amplitude", "50mm"], ["--amplitude", "0mm"], ["--figure", path]]
+    {
         let refused = rigctl(&[&["response", "--out", path, "--to", "2Hz"][..], &wrong].concat());
         assert!(
             !refused.status.success() && error_of(&refused).contains(wrong[0]),

@@ -292,3 +292,44 @@ fn a_scene_is_found_from_any_folder_and_one_that_is_nowhere_is_told_with_what_to
         assert!(said.contains("scenes/none.toml") && said.contains("--scene FILE"), "{arguments:?}: {said}");
     }
 }
+
+#[test]
+fn a_script_for_the_emulated_board_never_goes_to_the_port_of_the_environment() {
+    let folder = folder("never");
+    let script = folder.join("short.script");
+    std::fs::write(&script, "1 fault lvdt-swapped\n2 end\n").expect("written");
+    let mut command = Command::new(env!("CARGO_BIN_EXE_rigctl"));
+    command.args(["sim", text(&script)]).current_dir(root()).env("RIGCTL_PORT", folder.join("no-device"));
+    let output = command.output().expect("it runs");
+    assert!(output.status.success(), "{}", error_of(&output));
+    // The same script by `play` goes there.
+    let mut command = Command::new(env!("CARGO_BIN_EXE_rigctl"));
+    command.args(["play", text(&script)]).current_dir(root()).env("RIGCTL_PORT", folder.join("no-device"));
+    let refused = error_of(&command.output().expect("it runs"));
+    assert!(refused.contains("no-device"), "{refused}");
+}
+
+#[test]
+fn a_script_that_is_refused_leaves_a_recording_as_it_was() {
+    let folder = folder("refused-script");
+    let (script, out) = (folder.join("bad.script"), folder.join("exp.csv"));
+    std::fs::write(&script, "1 plant load=250N\n2 end\n").expect("written");
+    std::fs::write(&out, "an experiment").expect("written");
+    let output = rigctl(&["record", "--script", text(&script), "--out", text(&out)]);
+    assert!(error_of(&output).contains("line 1") && error_of(&output).contains("load"), "{}", error_of(&output));
+    assert_eq!((held(&out).as_str(), names(&folder)), ("an experiment", vec!["bad.script".into(), "exp.csv".into()]));
+}
+
+#[test]
+fn a_load_or_a_gap_below_zero_is_refused_by_the_name_of_its_option() {
+    for (arguments, named) in [
+        (&["move", "--to", "8mm", "--load", "-5N"][..], "--load"),
+        (&["home", "--load", "-5N"], "--load"),
+        (&["calibrate", "lvdt", "--gap", "-5mm"], "--gap"),
+    ] {
+        let output = rigctl(arguments);
+        let said = error_of(&output);
+        assert!(!output.status.success() && !said.contains("unexpected argument"), "{arguments:?}: {said}");
+        assert!(said.contains(named) || said.contains(&named[2..]), "{arguments:?}: {said}");
+    }
+}

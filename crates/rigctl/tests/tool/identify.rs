@@ -413,3 +413,28 @@ fn sweeps_that_do_not_belong_together_are_named() {
     assert!(steeper.contains("hung-5:"), "{steeper}");
     assert_eq!(refused(|_, _, gap| (0.0, gap)), Ok(()));
 }
+
+/// What would overwrite the new scene, count the same measurement twice or take the board's estimates for weighed loads.
+#[test]
+fn files_that_cannot_be_meant_are_refused_by_name() {
+    let files = sweeps("meant", &[2.0, 5.0, 10.0], 7.0, 5e-6);
+    let scene = file("meant/new.toml");
+    let here = format!("{}/./new.toml", scene.parent().unwrap().display());
+    let estimates = file("meant/estimates.csv");
+    std::fs::write(&estimates, "load_n,twist_rad,gap_m,load_error_n\n2,10,0.09,0.3\n").unwrap();
+    let with = |more: &[&str]| {
+        let given: Vec<&str> = files.iter().map(String::as_str).chain(more.iter().copied()).collect();
+        rigctl(&[&["identify"][..], &given].concat())
+    };
+    let scene = scene.to_str().unwrap();
+    for (more, code, named) in [
+        (&["--out", scene, "--figure", &here][..], 2, "--figure"),
+        (&[files[0].as_str()], 2, "given twice"),
+        (&[estimates.to_str().unwrap()], 1, "estimates"),
+    ] {
+        let output = with(more);
+        assert_eq!(output.status.code(), Some(code), "{more:?}: {}", said(&output));
+        assert!(said(&output).contains(named), "{more:?}: {}", said(&output));
+    }
+    assert!(!std::path::Path::new(scene).exists());
+}

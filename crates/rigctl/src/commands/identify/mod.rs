@@ -13,7 +13,7 @@ use crate::identify::plausible::Hint;
 use crate::identify::{Identified, identify, plausible};
 use crate::options::Global;
 use crate::options::values::radius_law;
-use crate::out_file::OutFile;
+use crate::out_file::{OutFile, distinct};
 use crate::output::Output;
 use crate::units::UM;
 use clap::Args;
@@ -72,6 +72,7 @@ pub struct Identify {
 /// If files or options are wrong, or the data cannot tell the constants.
 pub fn run(global: &Global, options: &Identify, output: &mut Output) -> Result<(), Failure> {
     let scene = global.scene()?;
+    distinct("--figure", options.figure.as_deref(), "--out", options.out.as_deref())?;
     let out = place("--out", options.out.as_deref(), &options.sweeps)?;
     let picture = place("--figure", options.figure.as_deref(), &options.sweeps)?;
     if options.sweeps.is_empty() {

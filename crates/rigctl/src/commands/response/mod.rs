@@ -6,7 +6,7 @@ use super::motion::home_first;
 use crate::failure::Failure;
 use crate::options::Global;
 use crate::options::values::of;
-use crate::out_file::OutFile;
+use crate::out_file::{OutFile, distinct};
 use crate::output::Output;
 use crate::plan::Plan;
 use crate::session::row::Row;
@@ -38,10 +38,10 @@ const RANGE_HZ: [f64; 2] = [0.01, 5.0];
 #[derive(Debug, Args)]
 pub struct Response {
     /// Place about which the load is led (m, mm)
-    #[arg(long, value_name = "P", default_value = "8mm", value_parser = of("at", Quantity::Length))]
+    #[arg(long, value_name = "P", default_value = "8mm", allow_hyphen_values = true, value_parser = of("at", Quantity::Length))]
     at: f64,
     /// Largest distance of the set-point from there (m, mm, µm)
-    #[arg(long, value_name = "A", default_value = "1mm", value_parser = of("amplitude", Quantity::Length))]
+    #[arg(long, value_name = "A", default_value = "1mm", allow_hyphen_values = true, value_parser = of("amplitude", Quantity::Length))]
     amplitude: f64,
     /// Lowest frequency (Hz)
     #[arg(long, value_name = "F", default_value = "0.2Hz", value_parser = of("from", Quantity::Frequency))]
@@ -105,11 +105,12 @@ impl Response {
             let allowed = HZ.range(RANGE_HZ);
             return Err(Failure::Usage(format!("--from {from}, --to {to}: allowed are {allowed}, in this order")));
         }
+        if self.amplitude <= 0.0 {
+            return Err(Failure::Usage(format!("--amplitude {}: must be above 0", MM.exact(self.amplitude))));
+        }
         let (trajectory, places) = self.trajectory().map_err(|why| Failure::Usage(format!("--amplitude: {why}")))?;
         let scene = global.scene()?;
-        if self.figure.as_ref() == Some(&self.out) {
-            return Err(Failure::Usage(format!("--figure {}: this is the file of --out", self.out.display())));
-        }
+        distinct("--figure", self.figure.as_deref(), "--out", Some(&self.out))?;
         let (out, picture) = (OutFile::new(&self.out)?, self.figure.as_deref().map(OutFile::new).transpose()?);
         let target = global.target()?;
         let mut session = target.connect(Wanted::OfScene)?;
