@@ -46,6 +46,17 @@ pub struct Witnesses {
     pub gap_m: f32,
 }
 
+/// What is to be done in a tick.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Step {
+    /// This voltage on the motor, in 1/5000 of the supply.
+    Voltage(i16),
+    /// All directions agree.
+    Proven,
+    /// They do not.
+    Wrong(Fault),
+}
+
 /// The two pulses.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DirectionCheck {
@@ -61,11 +72,8 @@ impl DirectionCheck {
     /// Nothing has turned yet.
     pub const NEW: Self = Self { sign: 1, ticks: 0, stopped: None, start: None };
 
-    /// One tick: the voltage on the motor, in 1/5000 of the supply; `None` once all directions agree.
-    ///
-    /// # Errors
-    /// The fault, where they do not.
-    pub fn step(&mut self, now: &Witnesses) -> Result<Option<i16>, Fault> {
+    /// One tick.
+    pub fn step(&mut self, now: &Witnesses) -> Step {
         let start = *self.start.get_or_insert(*now);
         let moved = Witnesses {
             drive_rad: f32::from(self.sign) * (now.drive_rad - start.drive_rad),
@@ -77,22 +85,22 @@ impl DirectionCheck {
                 self.ticks += 1;
                 if moved.turned() >= MEASURED_RAD || self.ticks > RISE_TICKS {
                     self.stopped = Some(0);
-                    return Ok(Some(0));
+                    return Step::Voltage(0);
                 }
-                Ok(Some(self.sign * (PWM_MAX / RISE_TICKS) * self.ticks))
+                Step::Voltage(self.sign * (PWM_MAX / RISE_TICKS) * self.ticks)
             }
             Some(ticks) if *ticks < STOP_TICKS => {
                 *ticks += 1;
-                Ok(Some(0))
+                Step::Voltage(0)
             }
-            Some(_) => {
-                moved.wrong().map_or(Ok(()), Err)?;
-                if self.sign < 0 {
-                    return Ok(None);
+            Some(_) => match (moved.wrong(), self.sign) {
+                (Some(fault), _) => Step::Wrong(fault),
+                (None, 1) => {
+                    *self = Self { sign: -1, ..Self::NEW };
+                    Step::Voltage(0)
                 }
-                *self = Self { sign: -1, ..Self::NEW };
-                Ok(Some(0))
-            }
+                (None, _) => Step::Proven,
+            },
         }
     }
 }
@@ -133,12 +141,12 @@ mod tests {
     use super::*;
 
     /// A motor without load whose speed goes with the voltage at once, seen by witnesses with these signs.
-    fn check(motor: f32, drive: f32, own: f32, gap_m_per_rad: f32) -> (Result<Option<i16>, Fault>, f32) {
+    fn check(motor: f32, drive: f32, own: f32, gap_m_per_rad: f32) -> (Step, f32) {
         let (mut check, mut angle, mut farthest) = (DirectionCheck::NEW, 0.0f32, 0.0f32);
         for _ in 0..200 {
             let now = Witnesses { drive_rad: drive * angle, own_rad: own * angle, gap_m: 0.09 + gap_m_per_rad * angle };
             match check.step(&now) {
-                Ok(Some(pwm)) => angle += motor * f32::from(pwm) / f32::from(PWM_MAX) * 1.7 * crate::TICK_S,
+                Step::Voltage(pwm) => angle += motor * f32::from(pwm) / f32::from(PWM_MAX) * 1.7 * crate::TICK_S,
                 step => return (step, farthest),
             }
             farthest = farthest.max(angle.abs());
@@ -150,42 +158,42 @@ mod tests {
     fn each_combination_of_signs_has_its_verdict() {
         use Fault::*;
         for (motor, drive, own, verdict) in [
-            (1.0, 1.0, 1.0, Ok(None)),
-            (-1.0, 1.0, 1.0, Err(MotorDirection)),
-            (1.0, -1.0, 1.0, Err(DriveEncoder)),
-            (1.0, 1.0, -1.0, Err(EncoderDirection)),
+            (1.0, 1.0, 1.0, Step::Proven),
+            (-1.0, 1.0, 1.0, Step::Wrong(MotorDirection)),
+            (1.0, -1.0, 1.0, Step::Wrong(DriveEncoder)),
+            (1.0, 1.0, -1.0, Step::Wrong(EncoderDirection)),
             // The drive's own loop is good, so the odd one out is the own encoder.
-            (-1.0, -1.0, 1.0, Err(EncoderDirection)),
-            (-1.0, 1.0, -1.0, Err(DriveEncoder)),
-            (1.0, -1.0, -1.0, Err(MotorDirection)),
+            (-1.0, -1.0, 1.0, Step::Wrong(EncoderDirection)),
+            (-1.0, 1.0, -1.0, Step::Wrong(DriveEncoder)),
+            (1.0, -1.0, -1.0, Step::Wrong(MotorDirection)),
             // Mirrored: as good.
-            (-1.0, -1.0, -1.0, Ok(None)),
-            (1.0, 0.0, 1.0, Err(DriveEncoder)),
-            (1.0, 0.0, -1.0, Err(DriveEncoder)),
-            (1.0, 1.0, 0.0, Err(EncoderStuck)),
-            (1.0, 2000.0 / 4096.0, 1.0, Err(EncoderDisagrees)),
-            (1.0, 1.0, 0.8, Err(EncoderDisagrees)),
-            (1.0, 1.0, 0.95, Ok(None)),
-            (0.0, 1.0, 1.0, Err(MotorStill)),
-            (1.0, 0.0, 0.0, Err(EncoderStuck)),
+            (-1.0, -1.0, -1.0, Step::Proven),
+            (1.0, 0.0, 1.0, Step::Wrong(DriveEncoder)),
+            (1.0, 0.0, -1.0, Step::Wrong(DriveEncoder)),
+            (1.0, 1.0, 0.0, Step::Wrong(EncoderStuck)),
+            (1.0, 2000.0 / 4096.0, 1.0, Step::Wrong(EncoderDisagrees)),
+            (1.0, 1.0, 0.8, Step::Wrong(EncoderDisagrees)),
+            (1.0, 1.0, 0.95, Step::Proven),
+            (0.0, 1.0, 1.0, Step::Wrong(MotorStill)),
+            (1.0, 0.0, 0.0, Step::Wrong(EncoderStuck)),
         ] {
             let (step, farthest) = check(motor, drive, own, 0.4e-3);
             assert_eq!(step, verdict, "motor {motor}, drive {drive}, own {own}");
             assert!(farthest < 0.3, "{farthest} rad");
         }
         // Friction holds the load: the gap says nothing.
-        assert_eq!(check(1.0, 0.0, 0.0, 0.0).0, Err(Fault::MotorStill));
+        assert_eq!(check(1.0, 0.0, 0.0, 0.0).0, Step::Wrong(Fault::MotorStill));
     }
 
     #[test]
     fn a_pulse_rises_slowly_ends_when_something_moves_and_is_followed_by_one_the_other_way() {
         let mut check = DirectionCheck::NEW;
         let still = Witnesses { drive_rad: 0.0, own_rad: 0.0, gap_m: 0.09 };
-        let rise: [_; 3] = core::array::from_fn(|_| check.step(&still));
-        assert_eq!(rise, [25, 50, 75].map(|pwm| Ok(Some(pwm))));
+        let rise: [Step; 3] = core::array::from_fn(|_| check.step(&still));
+        assert_eq!(rise, [25, 50, 75].map(Step::Voltage));
         let moved = Witnesses { drive_rad: 0.06, own_rad: 0.06, ..still };
-        assert!((0..=STOP_TICKS).all(|_| check.step(&moved) == Ok(Some(0))));
-        assert_eq!(check.step(&moved), Ok(Some(0)), "the verdict of the first pulse");
-        assert_eq!(check.step(&moved), Ok(Some(-25)));
+        assert!((0..=STOP_TICKS).all(|_| check.step(&moved) == Step::Voltage(0)));
+        assert_eq!(check.step(&moved), Step::Voltage(0), "the verdict of the first pulse");
+        assert_eq!(check.step(&moved), Step::Voltage(-25));
     }
 }

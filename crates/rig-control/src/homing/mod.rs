@@ -193,7 +193,9 @@ impl Homing {
         &mut self,
         table: &Table<'_>,
         rig: &RigConstants,
-        [shaft_rad, shaft_at_gap_rad, gap_m]: [f32; 3],
+        shaft_rad: f32,
+        shaft_at_gap_rad: f32,
+        gap_m: f32,
     ) -> Result<Option<Homed>, HomingFailure> {
         self.ticks += 1;
         if self.ticks as f32 * TICK_S > TIME_OUT_S {

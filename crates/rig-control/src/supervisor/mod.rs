@@ -19,10 +19,10 @@
 //! - `sensing`: inputs to readings in SI units; where the drive counts from.
 //! - `tracking`: what is known of load and position since homing, with the stated errors, and what this tick's readings add.
 //! - `guard`: what is wrong. [`fault_policy`] is the table of what is done about it.
-//! - `requests` and `configure`: what the host asks.
-//! - `modes`: what each mode does in a tick. `controller` is what moves and holds the load: planner, position loop, set-point
-//!   of the shaft, adaptation; `load_control` is a move, its further approaches where the load sticks, and the hold after it.
-//! - `outputs`: the command to the drive. `telemetry` is put together after the step.
+//! - `requests`: what the host asks, and the settings.
+//! - `modes`: what each mode does in a tick. `load_control` is what moves and holds the load: planner, position loop, set-point
+//!   of the shaft, adaptation; a move, its further approaches where the load sticks, and the hold after it.
+//! - `outputs`: the command to the drive, and the telemetry.
 //!
 //! **An LVDT sample**: `LvdtBlock` in [`Inputs`] → [`crate::sensors::Lvdt::read`] → `Readings` → `LoadTracking::observe`
 //! (position, load, TR) → `Guard::check` → `LoadControl` (error of the position) → set-point of the shaft → drive command.

@@ -5,7 +5,7 @@ use super::load_control::{LoadControl, Move};
 use super::sensing::DriveZero;
 use super::stream::Stream;
 use super::{Controller, Events, Inputs, STANDING_RPM};
-use crate::direction::{DirectionCheck, Witnesses};
+use crate::direction::{DirectionCheck, Step, Witnesses};
 use crate::homing::{self, Homing};
 use crate::ramp::Ramp;
 use crate::sensors::{DriveReading, LvdtReading};
@@ -232,14 +232,14 @@ impl Controller {
         };
         let now = Witnesses::new(&self.constants, position_qc.into(), inputs.encoder_counts, gap_m);
         match proving.check.step(&now) {
-            Ok(Some(pwm)) => proving.pwm = pwm,
-            Ok(None) => {
+            Step::Voltage(pwm) => proving.pwm = pwm,
+            Step::Proven => {
                 let then = proving.then;
                 let _ = events.push(EventKind::DirectionProven);
                 self.closed_loop = true;
                 self.start_drive(Some(then));
             }
-            Err(fault) => {
+            Step::Wrong(fault) => {
                 self.raise(Faults::NONE.with(fault), events);
             }
         }
@@ -248,8 +248,8 @@ impl Controller {
     fn step_homing(&mut self, events: &mut Events) {
         let readings = &self.sensing.readings;
         let (Mode::Homing(homing), Some(gap_m)) = (&mut self.mode, readings.lvdt.gap_m()) else { return };
-        let inputs = [readings.shaft_rad, readings.shaft_at_gap_rad, gap_m];
-        let event = match homing.step(&self.table.table(), &self.constants, inputs) {
+        let (shaft_rad, shaft_at_gap_rad) = (readings.shaft_rad, readings.shaft_at_gap_rad);
+        let event = match homing.step(&self.table.table(), &self.constants, shaft_rad, shaft_at_gap_rad, gap_m) {
             Ok(None) => {
                 self.shaft = homing.ramp;
                 return;
