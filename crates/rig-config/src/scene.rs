@@ -7,7 +7,7 @@ use rig_control::RigConstants;
 use serde::de::Error;
 use serde::{Deserialize, Deserializer, Serialize};
 use std::path::Path;
-use tsa_model::error::{positive, require};
+use tsa_model::error::require;
 use tsa_model::mechanism::LIGHT_LOAD_N;
 use tsa_model::{
     Correction, Geometry, Material, Mechanism, ParameterError, Parameters, StringParameters, Tier, twist_from_turns,
@@ -100,7 +100,10 @@ impl Scene {
             require(last > first && last.is_finite(), turns, last, end)?;
         }
         self.accuracy.map_or(Ok(()), |Accuracy { contraction_m, tr_relative }| {
-            positive(&[("accuracy.contraction_m", contraction_m), ("accuracy.tr_relative", tr_relative)])
+            let gap = "must be above 0 and at most 0.01 (m)";
+            require(contraction_m > 0.0 && contraction_m <= 0.01, "accuracy.contraction_m", contraction_m, gap)?;
+            let ratio = "must be above 0 and at most 0.5 (a fraction)";
+            require(tr_relative > 0.0 && tr_relative <= 0.5, "accuracy.tr_relative", tr_relative, ratio)
         })
     }
 

@@ -115,6 +115,8 @@ fn errors_name_the_key() {
         ("load_n = [0.75, 18.0]", "load_n = [5.0, 1.0]", "envelope.load_n"),
         ("turns = [0.0, 7.5]", "turns = [-1.0, 7.5]", "envelope.turns"),
         ("contraction_m = 5e-6", "contraction_m = 0.0", "accuracy.contraction_m"),
+        ("contraction_m = 5e-6", "contraction_m = 5.0", "accuracy.contraction_m"),
+        ("tr_relative = 2e-3", "tr_relative = 100.0", "accuracy.tr_relative"),
         ("gear_ratio = [62, 1]", "gear_ratio = [62, 0]", "rig.gear_ratio"),
         ("drive_number = 1", "drive_number = 0", "rig.drive_number"),
         ("drive_group = 0", "drive_group = 8", "rig.drive_group"),
