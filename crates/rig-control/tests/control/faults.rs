@@ -372,6 +372,17 @@ fn the_emergency_stop_takes_power_and_position_away() {
     bench.tick(None);
     assert_eq!((bench.command, bench.rig.state()), (DriveCommand::PowerOff, State::EStop));
     assert_eq!(bench.events, [EventKind::EStopOpened, EventKind::EStopClosed]);
+    // Opened again, and closed for one tick only before it opens a third time.
+    for (open, command) in
+        [(true, DriveCommand::PowerOff), (false, DriveCommand::LetGo), (true, DriveCommand::PowerOff)]
+    {
+        bench.tamper = tamper(move |inputs| inputs.estop_open = open);
+        bench.tick(None);
+        assert_eq!((bench.command, bench.rig.state()), (command, State::EStop));
+    }
+    assert_eq!(bench.events[2..], [EventKind::EStopOpened, EventKind::EStopClosed, EventKind::EStopOpened]);
+    bench.tamper = None;
+    bench.tick(None);
     assert_eq!(bench.ask(Request::Clear), Ok(Accepted::Done));
     assert_eq!((bench.command, bench.rig.state()), (DriveCommand::RestartOpenLoop, State::Boot), "it begins again");
     bench.while_in(State::Boot);
