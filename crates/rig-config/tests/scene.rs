@@ -217,3 +217,11 @@ fn an_accuracy_that_is_not_two_numbers_is_refused_by_name() {
         assert!(error.contains(named), "{table}: {error}");
     }
 }
+
+/// Who prints an error with its sources would print the reason twice.
+#[test]
+fn the_error_of_a_file_has_its_reason_in_its_own_text_and_no_source() {
+    let error = SceneError::Missing { table: "envelope" }.in_file("rig.toml");
+    assert!(error.to_string().contains("rig.toml: scene: [envelope] is missing"), "{error}");
+    assert!(std::error::Error::source(&error).is_none());
+}

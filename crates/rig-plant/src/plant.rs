@@ -203,7 +203,7 @@ plant_keys! {
     /// Whether a motor-power relay is fitted: 1 is yes, 0 is no, and then the drive has power whatever the board does.
     RelayFitted = "relay_fitted", relay_fitted: f64 = 1.0, Number, [0.0, 1.0], AtStart, Rig;
     /// How long that relay goes on feeding the drive once its pin is low (s). By default that of a small power relay with a
-    /// flyback diode; the drawn one releases later. Assumed.
+    /// flyback diode; the one of the wiring diagram releases later. Assumed.
     RelayRelease = "relay_release", relay_release_s: f64 = 0.02, Time, [0.0, 10.0], Always, Rig;
 }
 

@@ -76,6 +76,17 @@ pub struct Homed {
     pub heaviest_n: f32,
 }
 
+/// Inputs of one tick.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct HomingInputs {
+    /// Shaft angle by the encoder (rad).
+    pub shaft_rad: f32,
+    /// Shaft angle when the gap was measured, a little earlier (rad).
+    pub shaft_at_gap_rad: f32,
+    /// Measured gap (m).
+    pub gap_m: f32,
+}
+
 #[derive(Clone, Copy, Debug)]
 enum Phase {
     Quiet(Quiet),
@@ -184,8 +195,7 @@ impl Homing {
         }
     }
 
-    /// One tick at a shaft angle (rad), the one when the gap was measured (rad), and that gap (m); the result once the shaft
-    /// stands at the half-turn pre-twist.
+    /// One tick; the result once the shaft stands at the half-turn pre-twist.
     ///
     /// # Errors
     /// Why it is given up.
@@ -193,10 +203,9 @@ impl Homing {
         &mut self,
         table: &Table<'_>,
         rig: &RigConstants,
-        shaft_rad: f32,
-        shaft_at_gap_rad: f32,
-        gap_m: f32,
+        inputs: &HomingInputs,
     ) -> Result<Option<Homed>, HomingFailure> {
+        let HomingInputs { shaft_rad, shaft_at_gap_rad, gap_m } = *inputs;
         self.ticks += 1;
         if self.ticks as f32 * TICK_S > TIME_OUT_S {
             return Err(HomingFailure::TimeOut);
@@ -212,7 +221,7 @@ impl Homing {
                 true => Phase::LoadEstimate,
                 false => Phase::LoadRest,
             },
-            Phase::LoadEstimate => self.sweep_weigh(table, rig, shaft_rad, shaft_at_gap_rad, gap_m),
+            Phase::LoadEstimate => self.sweep_weigh(table, rig, inputs),
             Phase::Settle { quiet, rest } => self.settle(table, quiet, rest, gap_m)?,
             Phase::Done(homed) => Phase::Done(homed),
         };
@@ -321,14 +330,8 @@ impl Homing {
         Ok(Phase::Centre)
     }
 
-    fn sweep_weigh(
-        &mut self,
-        table: &Table<'_>,
-        rig: &RigConstants,
-        shaft_rad: f32,
-        shaft_at_gap_rad: f32,
-        gap_m: f32,
-    ) -> Phase {
+    fn sweep_weigh(&mut self, table: &Table<'_>, rig: &RigConstants, inputs: &HomingInputs) -> Phase {
+        let HomingInputs { shaft_rad, shaft_at_gap_rad, gap_m } = *inputs;
         let start = self.zero_rad + PI;
         let travel = (TAU * LOAD_TURNS).min(table.metadata.twist_max_rad - table.metadata.twist_min_rad);
         let ended = self.turn_to(if self.load_estimate.sweeps.pass == 0 { start + travel } else { start });

@@ -131,9 +131,9 @@ pub struct Controller {
     heaviest_n: f32,
     /// Set-point of the shaft (rad as the own encoder counts) and its speed (rad/s).
     shaft: Ramp,
-    /// How the drive drives the motor, which takes a restart of the drive to change: to a position, once the directions are
-    /// proven since its start; until then by a voltage, 0 but for the check of the directions, so that a motor or an encoder
-    /// of the wrong sign cannot run away. The shorted motor brakes the load, and does not hold it.
+    /// Whether the drive follows a position. It does once the directions are proven since its start. Until then it applies a
+    /// voltage, 0 except in the check of the directions, so that a motor or an encoder of the wrong sign cannot run away; the
+    /// shorted motor brakes the load and does not hold it. Only a restart of the drive changes this.
     closed_loop: bool,
     /// The next command restarts the drive.
     restart_drive: bool,

@@ -6,7 +6,7 @@ use super::sensing::DriveZero;
 use super::stream::Stream;
 use super::{Controller, Events, Inputs, STANDING_RPM};
 use crate::direction::{DirectionCheck, Step, Witnesses};
-use crate::homing::{self, Homing};
+use crate::homing::{self, Homing, HomingInputs};
 use crate::ramp::Ramp;
 use crate::sensors::{DriveReading, LvdtReading};
 use crate::{TICK_S, whole_counts};
@@ -249,7 +249,8 @@ impl Controller {
         let readings = &self.sensing.readings;
         let (Mode::Homing(homing), Some(gap_m)) = (&mut self.mode, readings.lvdt.gap_m()) else { return };
         let (shaft_rad, shaft_at_gap_rad) = (readings.shaft_rad, readings.shaft_at_gap_rad);
-        let event = match homing.step(&self.table.table(), &self.constants, shaft_rad, shaft_at_gap_rad, gap_m) {
+        let inputs = HomingInputs { shaft_rad, shaft_at_gap_rad, gap_m };
+        let event = match homing.step(&self.table.table(), &self.constants, &inputs) {
             Ok(None) => {
                 self.shaft = homing.ramp;
                 return;

@@ -106,7 +106,7 @@ impl Controller {
         Ok(Accepted::Started)
     }
 
-    /// A move or a stream begins, with a load from there; what a move before has recorded belongs to it alone.
+    /// A move or a stream begins with this choice of the load. What an interrupted move has recorded is forgotten.
     fn set_out(&mut self, load: LoadChoice) {
         if let Some(tracking) = &mut self.tracking {
             tracking.observer.source = load;

@@ -16,3 +16,4 @@ mod observer;
 mod planner;
 mod position_loop;
 mod rest;
+mod streams;

@@ -95,7 +95,7 @@ fn what_a_refusal_allows_is_possible_for_a_load_that_cannot_be_raised() {
     for (light_n, load_n, friction_n) in [(0.8, 16.5, 1.2), (0.3, 17.0, 1.0), (0.3, 16.5, 3.0)] {
         let hangs_m = mechanism().at(load_n, twist_rad).gap_m;
         for lifted_m in [0.0, 0.5e-3, 2e-3, 8e-3] {
-            // The light load was homed with the same LVDT, on a rig that is this much longer than the table's.
+            // Homing saw the light load this much higher than the table has it.
             let zero_gap_m = mechanism().at(light_n, PI).gap_m - lifted_m;
             let position_m = zero_gap_m - hangs_m;
             let start = MoveStart {
