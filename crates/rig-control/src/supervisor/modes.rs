@@ -58,7 +58,7 @@ pub(super) struct Boot {
     standing_ticks: u16,
     /// Since the drive's first report.
     ticks: u16,
-    /// What begins after it.
+    /// The motion that begins after it, if it follows a check of the directions.
     pub(super) then: Option<First>,
 }
 
@@ -214,8 +214,11 @@ impl Controller {
         self.sensing.drive_zero = DriveZero::Matched(offset);
         self.shaft = Ramp::at(readings.shaft_rad);
         self.mode = Mode::Idle;
+        let Some(first) = then else { return };
+        // Not before, because until now nothing else could begin.
+        let _ = events.push(EventKind::DirectionProven);
         // The gap may have been lost since the motion was asked for; a jog needs none.
-        if then.is_some_and(|first| self.begin(first).is_err()) {
+        if self.begin(first).is_err() {
             let _ = events.push(EventKind::HomingRefused(HomingFailure::SensorInvalid));
         }
     }
@@ -235,7 +238,6 @@ impl Controller {
             Step::Voltage(pwm) => proving.pwm = pwm,
             Step::Proven => {
                 let then = proving.then;
-                let _ = events.push(EventKind::DirectionProven);
                 self.closed_loop = true;
                 self.start_drive(Some(then));
             }

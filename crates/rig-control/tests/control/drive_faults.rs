@@ -4,7 +4,7 @@ use crate::bench::{Bench, to};
 use crate::faults::{fault_of, holding, reports, tamper};
 use crate::fixture::constants;
 use rig_control::{DriveCommand, DriveReading, Inputs, TICK_US};
-use rig_link::messages::{Accepted, EventKind, Fault, Refusal, Request, State};
+use rig_link::messages::{Accepted, EventKind, Fault, LoadChoice, Refusal, Request, State};
 use std::f32::consts::TAU;
 
 #[test]
@@ -142,4 +142,16 @@ fn own_encoder_and_drive_are_matched_when_the_motor_stands_but_for_its_hunting()
         bench.run(60);
         assert_eq!(bench.rig.state() == State::Unhomed, stands, "{rpm} rpm: {:?}", bench.rig.state());
     }
+}
+
+#[test]
+fn the_directions_are_reported_as_proven_when_the_next_motion_can_begin() {
+    let mut bench = Bench::new(5.0, 0.01, 9.0);
+    bench.while_in(State::Boot);
+    bench.begin(Request::CheckDirection);
+    while bench.events.is_empty() {
+        bench.tick(None);
+    }
+    assert_eq!(bench.events, [EventKind::DirectionProven]);
+    bench.begin(Request::Home { load: LoadChoice::Auto });
 }

@@ -160,6 +160,6 @@ pub enum EventKind {
     },
     /// The table that the host sent cannot be used; the one in use stays.
     TableRefused(TableRefusal),
-    /// Motor, drive's encoder and own encoder turn the same way: the drive's loop may be closed.
+    /// Motor, drive's encoder and own encoder turn the same way, and the drive has started again, with its loop closed.
     DirectionProven,
 }

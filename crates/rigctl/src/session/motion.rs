@@ -253,15 +253,11 @@ pub fn check_direction(session: &mut Session) -> Result<(), Failure> {
     if matches!(session.request(&Request::CheckDirection)?, Accepted::Done) {
         return Ok(());
     }
-    // The newest row may be older than the check, and this machine may be busy: the board's event and its clock count.
-    let (end_s, mut proven_s) = (session.board_s() + CHECK_S, None);
+    // This machine may be busy: the board's clock counts.
+    let end_s = session.board_s() + CHECK_S;
     while session.board_s() < end_s {
         session.step()?;
-        if let Some((t_s, _)) = ended(session, &Request::CheckDirection, "while the directions were checked")? {
-            proven_s = Some(t_s);
-        }
-        // The drive has started again when the motion is over.
-        if proven_s.is_some_and(|t_s| session.board_s() > t_s) && !session.is_moving() {
+        if ended(session, &Request::CheckDirection, "while the directions were checked")?.is_some() {
             return Ok(());
         }
     }
