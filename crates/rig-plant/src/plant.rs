@@ -239,8 +239,9 @@ impl PlantKey {
         self.spec().part != Part::Rig
     }
 
-    fn names() -> String {
-        Self::ALL.iter().map(|key| key.name()).collect::<Vec<_>>().join(", ")
+    /// The names of the keys that `wanted` is true for.
+    pub(crate) fn names(wanted: fn(Self) -> bool) -> String {
+        Self::ALL.iter().filter(|key| wanted(**key)).map(|key| key.name()).collect::<Vec<_>>().join(", ")
     }
 
     /// Every key in a table in Markdown, for docs/reference/simulator.md.
@@ -277,7 +278,7 @@ pub enum PlantError {
     #[error("`{0}` is not KEY=VALUE")]
     NoEquals(String),
     /// No such key.
-    #[error("plant has no key `{key}`; keys: {}", PlantKey::names())]
+    #[error("plant has no key `{key}`; keys: {}", PlantKey::names(|_| true))]
     UnknownKey {
         /// What was given.
         key: String,

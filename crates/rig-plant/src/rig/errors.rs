@@ -14,7 +14,7 @@ pub enum RigError {
     #[error(transparent)]
     Drive(#[from] rmds405::OutOfRange),
     /// The mechanism does not reach where the rig has to go.
-    #[error(transparent)]
+    #[error("{0}; the scene or one of these plant keys is too extreme: {keys}", keys = PlantKey::names(PlantKey::is_of_the_law))]
     Surface(#[from] NoSurface),
     /// What is asked of a plant from outside.
     #[error(transparent)]

@@ -45,7 +45,7 @@ pub struct GapPoint {
 
 /// Why no surface can be made.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-#[error("the mechanism has no equilibrium at {load_n} N and {twist_rad} rad, which the emulated rig has to pass")]
+#[error("the mechanism has no equilibrium at {load_n:.2} N and {twist_rad:.2} rad, which the emulated rig has to pass")]
 pub struct NoSurface {
     /// Load, N.
     pub load_n: f64,

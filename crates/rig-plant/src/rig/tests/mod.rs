@@ -344,6 +344,14 @@ fn thicker_strings_have_a_thicker_radius_and_are_otherwise_the_scenes() {
 }
 
 #[test]
+fn a_mechanism_without_an_equilibrium_names_the_keys_that_may_be_too_extreme() {
+    let settings = PlantSettings { radius_scale: 10.0, ..PlantSettings::default() };
+    let error = EmulatedRig::new(scene(), settings, 1).err().expect("strings as thick as their distance").to_string();
+    assert!(error.contains("0.30 N and 3.14 rad") && error.contains("radius_scale, k2_scale"), "{error}");
+    assert!(!error.contains("friction"), "not of the mechanism: {error}");
+}
+
+#[test]
 fn a_twist_that_the_strings_cannot_have_is_refused_with_its_limit() {
     let new = |load_n, twist_at_boot_rad| {
         EmulatedRig::new(scene(), PlantSettings { load_n, twist_at_boot_rad, ..PlantSettings::default() }, 1)
