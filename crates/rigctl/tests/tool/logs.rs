@@ -136,6 +136,16 @@ fn is_replayed_until_it_says_otherwise(path: &Path) {
     let one = lines(&output)[0]["stretches"][0].clone();
     let at_s = one["parted"]["t_s"].as_f64().unwrap_or_else(|| panic!("{one}"));
     assert!(one["parted"]["what"] == "load_n" && (at_s - 36.0).abs() < 0.02, "{one}");
+    // A table that is not known to be the board's is said.
+    let crc = log.lines().find(|line| line.starts_with("# table.crc")).expect("the table's checksum");
+    for (line, said) in
+        [("# table.crc = 00000000", "another one for the same scene"), ("#", "does not tell which table")]
+    {
+        std::fs::write(&other, log.replace(crc, line)).expect("written");
+        let noted = replayed(&[text(&other)]);
+        assert!(noted.status.success() && error_of(&noted).contains(said), "{}", error_of(&noted));
+        assert!(lines(&noted)[0]["same_table"] != true);
+    }
     // What is no such log is refused by name.
     let cut = &log[..log.len() / 2];
     for (content, named) in [

@@ -301,11 +301,22 @@ impl Drop for Program {
 mod tests {
     use super::*;
 
-    /// A shell script as a plant program, in a file of its own.
-    fn script(name: &str, body: &str) -> String {
+    /// A shell script as a plant program, in a file of its own that is removed in the end.
+    struct Script {
+        file: std::path::PathBuf,
+        command: String,
+    }
+
+    impl Drop for Script {
+        fn drop(&mut self) {
+            let _ = std::fs::remove_file(&self.file);
+        }
+    }
+
+    fn script(name: &str, body: &str) -> Script {
         let file = std::env::temp_dir().join(format!("plant-program-{}-{name}.sh", std::process::id()));
         std::fs::write(&file, body).unwrap();
-        format!("sh {}", file.display())
+        Script { command: format!("sh {}", file.display()), file }
     }
 
     fn start(command: &str) -> Result<PlantProgram, ProgramError> {
@@ -323,7 +334,7 @@ mod tests {
 
     #[test]
     fn a_good_program_is_started_set_and_stepped_and_refuses_keys_by_their_names() {
-        let mut program = start(&script("good", GOOD)).unwrap();
+        let mut program = start(&script("good", GOOD).command).unwrap();
         program.set("load", 4.9).unwrap();
         assert_eq!(program.step(2.5).unwrap(), Answer { gap_m: 0.1, torque_nm: -0.001, pull_n: 2.5 });
         let unknown = program.set("weight", 1.0).unwrap_err().to_string();
@@ -345,22 +356,22 @@ mod tests {
             ("binary", "read -r line; echo ok; while read -r line; do printf '\\377\\n'; done", "instead of answering"),
             ("four", "read -r line; echo ok; while read -r line; do echo 1 2 3 4; done", "`1 2 3 4`"),
         ] {
-            let command = script(name, body);
-            let mut program = start(&command).unwrap();
+            let script = script(name, body);
+            let mut program = start(&script.command).unwrap();
             if name == "stalls" {
                 program.patience = Duration::from_millis(300);
             }
             let error = program.step(1.0).unwrap_err().to_string();
-            assert!(error.contains(said) && error.contains(&command), "{name}: {error}");
+            assert!(error.contains(said) && error.contains(&script.command), "{name}: {error}");
         }
     }
 
     #[test]
     fn a_program_that_prints_without_end_takes_no_more_memory() {
         let long = script("long", "read -r line; echo ok; read -r line; while :; do printf 0.1; done");
-        let error = start(&long).unwrap().step(1.0).unwrap_err().to_string();
+        let error = start(&long.command).unwrap().step(1.0).unwrap_err().to_string();
         assert!(error.contains("answered `step 1` with `0.10.10.1"), "{error}");
-        let mut ahead = start(&script("ahead", "while :; do echo ok; done")).unwrap();
+        let mut ahead = start(&script("ahead", "while :; do echo ok; done").command).unwrap();
         std::thread::sleep(Duration::from_millis(200));
         ahead.program.child.kill().and_then(|()| ahead.program.child.wait()).unwrap();
         // What the pipe holds (64 KiB of three bytes each), and what is read ahead.
@@ -375,7 +386,7 @@ mod tests {
             ("no-such-program-anywhere", "cannot be started"),
             ("true", "ended instead of answering `start 1"),
             (
-                &script("version", "read -r line; echo version 2 only"),
+                &script("version", "read -r line; echo version 2 only").command,
                 "answered `start 1 0.001 1 7` with `version 2 only`",
             ),
         ] {
@@ -386,7 +397,8 @@ mod tests {
 
     #[test]
     fn nothing_is_left_running() {
-        let mut program = start(&script("deaf", "trap '' TERM; echo ok; while :; do sleep 0.1; done")).unwrap();
+        let deaf = script("deaf", "trap '' TERM; echo ok; while :; do sleep 0.1; done");
+        let mut program = start(&deaf.command).unwrap();
         let id = program.program.child.id();
         assert!(matches!(program.program.child.try_wait(), Ok(None)));
         drop(program);

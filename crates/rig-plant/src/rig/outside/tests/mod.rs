@@ -104,6 +104,7 @@ fn a_program_that_fails_stops_the_plant_and_is_named_with_its_line() {
     assert!(failure.contains("plant-of-rig") && failure.contains("`step 1`"), "{failure}");
     assert_eq!((rig.truth().gap_m, rig.truth().string_torque_nm), (0.1, 0.0));
     assert!(rig.set_plant("load", "6N").is_err());
+    std::fs::remove_file(file).unwrap();
 }
 
 /// The default scene's own gaps as measured data, twisting up `loop_m` above and down as much below them.
