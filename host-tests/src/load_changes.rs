@@ -8,6 +8,7 @@ use crate::{ControlBench, ControlLaw, booted, constants, table};
 use lab::chart::margin::DAMPING;
 use rig_control::TICK_S;
 use rig_link::messages::{LoadChoice, Request, Setting, State};
+use rig_plant::rig::effects::stribeck::coulomb_n;
 use rig_plant::units::STANDARD_GRAVITY;
 use std::fmt;
 
@@ -55,6 +56,8 @@ pub struct Outcome {
     pub oscillation: Option<Oscillation>,
     /// Where the strings stood when the load had changed, from its place (m).
     pub away_m: f64,
+    /// Half of the jump with which the load breaks loose from stiction (m): a load that stands nearer is no nearer after a jump.
+    pub half_jump_m: f64,
     /// Distance from the target over time (m), every tick, as the sensor has it without its noise.
     pub errors_m: Vec<f64>,
     /// How it failed, if it did.
@@ -70,6 +73,7 @@ impl Outcome {
             step: None,
             oscillation: None,
             away_m: 0.0,
+            half_jump_m: 0.0,
             errors_m: Vec::new(),
             failure: Some(why),
         }
@@ -100,12 +104,9 @@ pub fn as_the_sensor_has_it(errors_m: &mut [f64], shown_m: &[f64]) {
     errors_m.iter_mut().for_each(|error_m| *error_m += beside_m);
 }
 
-/// A load (kg) on its strings as they are now.
-fn oscillation(bench: &ControlBench, load_kg: f64, tr_rad_per_m: f64) -> Option<Oscillation> {
-    let load_n = load_kg * STANDARD_GRAVITY;
-    let point = table().point_inside(load_n as f32, bench.truth().twist_rad as f32);
+/// A load (kg) on strings of a stiffness (N/m).
+fn oscillation(stiffness_n_per_m: f64, load_kg: f64, tr_rad_per_m: f64) -> Option<Oscillation> {
     let limits = constants().twist_limits();
-    let stiffness_n_per_m = 1.0 / f64::from(point.dgap_dload_m_per_n);
     Some(Oscillation {
         frequency: (stiffness_n_per_m / load_kg).sqrt(),
         damping_per_s: (DAMPING[0] + DAMPING[1] * stiffness_n_per_m) / load_kg,
@@ -246,12 +247,18 @@ fn watch(mut bench: ControlBench, step: Step) -> Outcome {
     }
     let turned_rad = bench.truth().twist_rad - before_rad;
     let tr_rad_per_m = bench.last.as_ref().and_then(|last| last.telemetry.tr_rad_per_m).map_or(f64::NAN, f64::from);
+    let load_kg = step.change_kg[1];
+    let point = table().point_inside((load_kg * STANDARD_GRAVITY) as f32, bench.truth().twist_rad as f32);
+    let stiffness_n_per_m = 1.0 / f64::from(point.dgap_dload_m_per_n);
+    let rig = bench.rig.settings();
     Outcome {
         what: step.to_string(),
         motor_s: motor_s(turned_rad),
         step: Some(step),
-        oscillation: oscillation(&bench, step.change_kg[1], tr_rad_per_m),
+        oscillation: oscillation(stiffness_n_per_m, load_kg, tr_rad_per_m),
         away_m: -turned_rad / tr_rad_per_m,
+        // A jump is twice as long as what stiction holds more than friction stretches the strings.
+        half_jump_m: (rig.stiction_ratio - 1.0) * coulomb_n(rig) / stiffness_n_per_m,
         errors_m,
         failure,
     }

@@ -11,7 +11,7 @@ use rigctl::plot::{Axis, Block, Figure, GREY, INK, Item, KeyRow, Panel, Pen, Sha
 
 /// Kind of rig, how many, and the distances (m) within which a load counts as at its place.
 const KINDS: [(RigPreset, u64, &[f64]); 3] =
-    [(RigPreset::Ideal, 2, &[50e-6]), (RigPreset::Nominal, 6, &[50e-6]), (RigPreset::Hard, 6, &[150e-6, 250e-6])];
+    [(RigPreset::Ideal, 4, &[50e-6]), (RigPreset::Nominal, 12, &[50e-6]), (RigPreset::Hard, 24, &[150e-6, 250e-6])];
 
 const NOTE: &str = "A step changes the load at rest at 2, 8 or 14 mm, between 0.2 and 1.2 kg. A move at full speed goes 12 mm up or \
     down, under 0.1 to 1.5 kg; on one with a load step it goes 8 mm, and the load changes between 0.9 and 1.2 kg on the way. The \
@@ -47,6 +47,7 @@ pub fn study(rigs: &Rigs) -> Result<Study> {
             for (test, outcomes) in tests {
                 row(&mut study, (test, rig, subjects.len()), *within_m, outcomes);
             }
+            study.notes.extend(left_by_stiction(rig, &steps, *within_m));
         }
         panels.push(panel(format!("{rig}, to {:.0} µm", within[0] * 1e6), &steps, |o| o.over_limit(within[0])));
     }
@@ -95,6 +96,20 @@ fn row(study: &mut Study, (test, rig, rigs): (&str, RigPreset, usize), within_m:
         study.value(format!("{name}_most"), sorted.max());
     }
     study.row(cells);
+}
+
+/// How many of the load steps that do not settle within a distance (m) end within half of a jump by stiction, if any does not settle.
+fn left_by_stiction(rig: RigPreset, steps: &[Outcome], within_m: f64) -> Option<String> {
+    let unsettled = || steps.iter().filter(|o| o.failure.is_none() && o.settled_s(within_m).is_none());
+    let by_stiction = unsettled().filter(|o| o.half_jump_m > within_m && o.settled_s(o.half_jump_m).is_some()).count();
+    (unsettled().count() > 0).then(|| {
+        format!(
+            "Load steps on {rig} plants that do not settle to {:.0} µm: {}. Of these {by_stiction} settle within half of the jump with which \
+             their load breaks loose from stiction; another jump would not bring it nearer.",
+            within_m * 1e6,
+            unsettled().count()
+        )
+    })
 }
 
 /// Ratios that are drawn; what is beyond them stands at the edge.
@@ -168,6 +183,16 @@ mod tests {
         let mark = |item: &Item| if let Item::Mark { at, shape, .. } = item { Some((at.1, *shape)) } else { None };
         let marks: Vec<(f64, Shape)> = panel.items.iter().filter_map(mark).collect();
         assert_eq!(marks, [(ratio, Shape::Dot), (NEVER, Shape::Cross), (NEVER, Shape::Cross)]);
+    }
+
+    #[test]
+    fn what_stiction_leaves_is_counted_among_what_does_not_settle() {
+        let (_, [back, never, failed]) = outcomes();
+        let stuck = |half_jump_m| Outcome { half_jump_m, ..never.clone() };
+        let note =
+            left_by_stiction(RigPreset::Hard, &[back.clone(), stuck(0.9e-3), stuck(1.1e-3), failed], 150e-6).unwrap();
+        assert!(note.contains("150 µm: 2. Of these 1 settle"), "{note}");
+        assert_eq!(left_by_stiction(RigPreset::Hard, &[back], 150e-6), None);
     }
 
     #[test]

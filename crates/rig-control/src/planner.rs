@@ -6,8 +6,8 @@ use crate::load_state::LoadState;
 use crate::{RigConstants, TICK_S};
 use tsa_table::Point;
 
-/// Gains (1/s) by which a set-point follows a target that moves: of position, and of speed, more than twice as fast.
-const FOLLOWS_PER_S: [f32; 2] = [8.0, 25.0];
+/// Gain (1/s) by which a set-point follows a target that moves. Its speed follows three times as fast.
+const FOLLOWS_PER_S: f32 = 8.0;
 /// Minimum fraction of the acceleration with which it catches up while the target accelerates.
 const MIN_LEFT: f32 = 0.2;
 
@@ -206,20 +206,19 @@ impl Planner {
     /// their limits; the set-point comes to the target without an overshoot from wherever it is.
     pub fn follow(&mut self, target: &Motion, limits: &Limits) -> (SetPoint, bool) {
         let before = self.now;
-        let [of_position, of_speed] = FOLLOWS_PER_S;
         // The target is that of the end of the tick.
         let ahead = before.after(before.acceleration);
         let behind_m = target.position - ahead.position;
         // What the target's own acceleration leaves of the limit.
         let left = limits.acceleration - target.acceleration.abs();
-        let (catches_up, per_s) = made_up(behind_m, of_position, left.max(MIN_LEFT * limits.acceleration));
+        let (catches_up, per_s) = made_up(behind_m, FOLLOWS_PER_S, left.max(MIN_LEFT * limits.acceleration));
         let wanted = target.speed + catches_up;
         let held_back = wanted.abs() > limits.speed;
         let slower = wanted.clamp(-limits.speed, limits.speed) - ahead.speed;
         // How the wanted speed itself changes.
         let rises = target.acceleration + per_s * (target.speed - ahead.speed);
         let given = if held_back { 0.0 } else { rises };
-        let wanted = given + made_up(slower, of_speed, limits.jerk).0;
+        let wanted = given + made_up(slower, 3.0 * FOLLOWS_PER_S, limits.jerk).0;
         let within = wanted.max(before.keeps(-limits.speed, limits)).min(before.keeps(limits.speed, limits));
         let unit = limits.jerk * TICK_S;
         self.now = before.after(within.clamp(before.acceleration - unit, before.acceleration + unit));
