@@ -319,7 +319,7 @@ impl Board {
     fn record(&self, py: Python<'_>, out: PathBuf) -> PyResult<Recording> {
         let recorder = self.0.with(py, |session, target| {
             let head = Header::new(target, session, "record")?;
-            Recorder::new(OutFile::new(&out)?.begin()?, &head, session)
+            Recorder::new(OutFile::new(&out)?.begin()?, &head, session.watch())
         })?;
         Ok(Recording { shared: self.0.clone(), recorder: Mutex::new(Some(recorder)) })
     }

@@ -183,7 +183,7 @@ pub fn record(global: &Global, options: &Record, output: &mut Output) -> Result<
         None if output.json() => Box::new(io::sink()),
         None => stdout(),
     };
-    let mut recorder = Recorder::new(sink, &head, &mut session)?;
+    let mut recorder = Recorder::new(sink, &head, session.watch())?;
     let script = script.unwrap_or_else(|| Script::idle(session.now_s() + seconds));
     let rows_out = output.json() && options.out.is_none();
     let result = play(&mut session, &script, global.board.seed, |session, messages| {

@@ -15,7 +15,6 @@ use rig_link::LoadChoice;
 use rig_plant::{PlantChange, PlantKey};
 use serde_json::json;
 use std::f64::consts::{PI, TAU};
-use std::io::Write;
 use std::path::PathBuf;
 
 /// Rest before each turn (s), for the load to stop oscillating.
@@ -129,7 +128,7 @@ pub fn of(
     }
     head.add("sweep.turns", turns);
     head.add("sweep.speed_rad_per_s", speed);
-    let rows = record(session, out.begin()?, &head, options)?;
+    let rows = record(session, out, &head, options)?;
     let log = Log::load(&options.out).map_err(|e| Failure::failed(format!("{}: {e}", options.out.display())))?;
     let reduced::Sweep { stops, .. } =
         reduced::reduce(&log).map_err(|e| Failure::failed(format!("{}: {e}", options.out.display())))?;
@@ -156,12 +155,13 @@ pub fn of(
     Ok(())
 }
 
-/// Homes and sweeps; the log gets its end in any case. Returns the number of rows.
-fn record(session: &mut Session, sink: Box<dyn Write>, head: &Header, options: &Sweep) -> Result<u64, Failure> {
-    let mut recorder = Recorder::new(sink, head, session)?;
+/// Homes and sweeps; the log of a sweep that has begun gets its end in any case. Returns the number of rows.
+fn record(session: &mut Session, out: OutFile, head: &Header, options: &Sweep) -> Result<u64, Failure> {
+    // Before the file: a homing that fails must not take the place of an earlier sweep.
+    let passed = session.watch();
+    homing::home(session, LoadChoice::Known(options.load as f32), |_| {})?;
+    let mut recorder = Recorder::new(out.begin()?, head, passed)?;
     let mut sweep = || {
-        homing::home(session, LoadChoice::Known(options.load as f32), |_| {})?;
-        recorder.take()?;
         let (bottom, top) = (PI, PI + TAU * options.turns);
         for ends in [[bottom, top], [top, bottom]] {
             session.until(REST_S, |_| false)?;

@@ -17,15 +17,15 @@ pub struct Recorder<W: Write> {
 }
 
 impl<W: Write> Recorder<W> {
-    /// Writes the header, and watches the session from now on.
+    /// Writes the header; what passes in the session follows from there on where [`Session::watch`] was called.
     ///
     /// # Errors
     /// If the sink fails.
-    pub fn new(mut sink: W, header: &Header, session: &mut Session) -> Result<Self, Failure> {
+    pub fn new(mut sink: W, header: &Header, entries: Receiver<Entry>) -> Result<Self, Failure> {
         for (key, value) in &header.0 {
             writeln!(sink, "# {key} = {value}")?;
         }
-        Ok(Self { sink, entries: session.watch(), rows: 0 })
+        Ok(Self { sink, entries, rows: 0 })
     }
 
     /// Writes everything that has passed since the last call, and returns it.

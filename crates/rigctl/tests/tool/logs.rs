@@ -88,6 +88,8 @@ fn a_file_that_is_there_is_not_lost_to_a_new_one() {
         &["record", "--port", "/dev/no-such-rig"][..],
         &["record", "--scene", "scenes/finger.toml"],
         &["sweep", "--load", "500N"],
+        // Its homing fails.
+        &["sweep", "--load", "5N", "--plant", "radius_scale=2"],
     ] {
         let failed = rigctl(&[arguments, &["--out", text(&kept)]].concat());
         assert_eq!(failed.status.code(), Some(1), "{arguments:?}: {}", error_of(&failed));
