@@ -30,8 +30,6 @@ const OUTSIDE_FRACTION: f32 = 0.01;
 /// A period of the load's slowest oscillation (ticks). After this time without a pull outside the friction band the estimate has settled;
 /// with this time constant such a pull vanishes from the error of the estimate; and so long a load rests before homing relies on its gap.
 pub const SETTLED_TICKS: u16 = 40;
-/// Standard error of the friction that a moving load shows, as a fraction of it: play and stiction look like friction.
-const MOVING_BAND: f32 = 0.3;
 /// Standard deviation of a load that is anywhere within the friction band, as a fraction of the friction: 1/√3, with every place as
 /// likely as the others.
 const RESTING_BAND: f32 = 0.577;
@@ -77,7 +75,8 @@ pub struct LoadObserver {
     age_s: f32,
     /// Coulomb friction of the rail, found at homing (N).
     friction_n: f32,
-    /// Standard error of the pull at which the load moves, as a fraction of the friction.
+    /// Standard error of the load within the friction band, as a fraction of the friction: 0 after the load has moved, whose pull is
+    /// then at an end of the band.
     band: f32,
     /// +1 after the load has moved up, −1 down.
     direction: f32,
@@ -150,7 +149,7 @@ impl LoadObserver {
             peak_n: 0.0,
             age_s: 0.0,
             friction_n: homed.friction_n,
-            band: MOVING_BAND,
+            band: 0.0,
             direction: -1.0,
             noise_free_gap_m: None,
             quiet_ticks: SETTLED_TICKS,
@@ -197,7 +196,7 @@ impl LoadObserver {
     /// Errors of the load that a move may show as if the strings had drifted.
     pub fn known_errors(&self) -> KnownErrors {
         let change = self.shape_error * (self.apparent_n - self.homed_n).abs() / self.homed_n;
-        let noise_n = libm::hypotf(NINETY_PERCENT * DRIFT[0] * self.apparent_n, MOVING_BAND * self.friction_n);
+        let noise_n = libm::hypotf(NINETY_PERCENT * DRIFT[0] * self.apparent_n, RESTING_BAND * self.friction_n);
         KnownErrors { memory: self.memory.excess(self.load_n()), change, noise_n }
     }
 
@@ -297,7 +296,7 @@ impl LoadObserver {
         let beyond = innovation_n - innovation_n.clamp(far.min(near), far.max(near));
         let follow = TICK_S / TIME_CONSTANT_S;
         let mut step = innovation_n * follow.min(moved_m / TRAVEL_M);
-        self.band += (MOVING_BAND - self.band) * (moved_m / TRAVEL_M).min(1.0);
+        self.band *= 1.0 - (moved_m / TRAVEL_M).min(1.0);
         self.unsettled_n *= 1.0 - 1.0 / f32::from(SETTLED_TICKS);
         if beyond.abs() > noise_n {
             step = if moved_m == 0.0 { beyond * follow } else { innovation_n * follow };
@@ -429,7 +428,7 @@ mod tests {
     fn along_a_move_friction_and_creep_are_no_evidence() {
         let mut o = observer(0.0);
         o.friction_n = 0.4;
-        let expected_n = together(&[NINETY_PERCENT * 0.003 * 5.0, 0.3 * 0.4]);
+        let expected_n = together(&[NINETY_PERCENT * 0.003 * 5.0, RESTING_BAND * 0.4]);
         assert!(same(o.known_errors().noise_n, expected_n), "{:?}", o.known_errors());
     }
 
@@ -437,13 +436,14 @@ mod tests {
     fn each_part_of_the_error_adds_its_square() {
         let mut o = observer(0.1);
         o.friction_n = 0.4;
+        o.band = 0.3;
         o.memory.heaviest_n = 10.0;
         o.apparent_n = o.memory.apparent_n(3.0);
         let load_n = o.load_n();
         let memory = MEMORY_ERROR * o.memory.excess(load_n);
         let parts = [
             0.5 / (5.0 * NINETY_PERCENT) * load_n,
-            MOVING_BAND * 0.4,
+            0.3 * 0.4,
             0.1 * (5.0 - o.apparent_n),
             memory * load_n,
             DRIFT[0] * load_n,

@@ -193,7 +193,7 @@ fn the_pull_does_not_jump_when_the_load_turns_round() {
 }
 
 #[test]
-fn a_load_that_moves_shows_its_friction_better_than_one_at_rest() {
+fn a_load_that_has_moved_is_at_an_end_of_the_friction_band() {
     let mut observer = observer();
     observer.lose();
     let rest_n = pulls(&mut observer, LOAD_N - FRICTION_N, 2).load_error_n;
@@ -204,9 +204,9 @@ fn a_load_that_moves_shows_its_friction_better_than_one_at_rest() {
         let gap_m = mechanism().at(LOAD_N - FRICTION_N, twist_rad).gap_m;
         moved_n = observer.step(&mechanism(), twist_rad, Some(&measured(gap_m))).load_error_n;
     }
-    // 0.6 and 0.3 of the friction.
-    let expected_n2 = (1.645 * FRICTION_N).powi(2) * (0.36 - 0.09);
-    near(rest_n * rest_n - moved_n * moved_n, expected_n2, 0.2 * expected_n2);
+    // A load that may be anywhere within the band: 1/√3 of the friction.
+    let expected_n2 = (1.645 * FRICTION_N).powi(2) / 3.0;
+    near(rest_n * rest_n - moved_n * moved_n, expected_n2, 0.1 * expected_n2);
 }
 
 #[test]
