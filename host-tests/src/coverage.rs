@@ -17,8 +17,8 @@ const CLASSES: [(&str, f64); 3] = [("light", 0.3), ("middle", 0.9), ("heavy", f6
 /// How many rigs of each kind as built; how many of the first of these also with their own LVDT's data sheet, where it is not the
 /// scene's; and how many also calibrated.
 const AS_BUILT: u64 = 5000;
-const OWN_LVDT: usize = 2000;
-const CALIBRATED: usize = 1000;
+const OWN_LVDT: usize = 1000;
+const CALIBRATED: usize = 600;
 
 /// Seed of the first rig. The homing's standard errors were chosen on seeds below.
 pub const FIRST_SEED: u64 = 10_001;
