@@ -47,7 +47,7 @@ pub fn study(rigs: &Rigs) -> Result<Study> {
             for (test, outcomes) in tests {
                 row(&mut study, (test, rig, subjects.len()), *within_m, outcomes);
             }
-            study.notes.extend(left_by_stiction(rig, &steps, *within_m));
+            study.notes.push(by_stiction(rig, &steps, *within_m));
         }
         panels.push(panel(format!("{rig}, to {:.0} µm", within[0] * 1e6), &steps, |o| o.over_limit(within[0])));
     }
@@ -98,18 +98,20 @@ fn row(study: &mut Study, (test, rig, rigs): (&str, RigPreset, usize), within_m:
     study.row(cells);
 }
 
-/// How many of the load steps that do not settle within a distance (m) end within half of a jump by stiction, if any does not settle.
-fn left_by_stiction(rig: RigPreset, steps: &[Outcome], within_m: f64) -> Option<String> {
-    let unsettled = || steps.iter().filter(|o| o.failure.is_none() && o.settled_s(within_m).is_none());
-    let by_stiction = unsettled().filter(|o| o.half_jump_m > within_m && o.settled_s(o.half_jump_m).is_some()).count();
-    (unsettled().count() > 0).then(|| {
-        format!(
-            "Load steps on {rig} plants that do not settle to {:.0} µm: {}. Of these {by_stiction} settle within half of the jump with which \
-             their load breaks loose from stiction; another jump would not bring it nearer.",
-            within_m * 1e6,
-            unsettled().count()
-        )
-    })
+/// How many load steps settle within a distance (m) where stiction lets a load rest nearer, and where it does not.
+fn by_stiction(rig: RigPreset, steps: &[Outcome], within_m: f64) -> String {
+    let settled = |near: bool| {
+        let all: Vec<&Outcome> = steps.iter().filter(|o| (o.half_jump_m <= within_m) == near).collect();
+        format!("{} of {}", all.iter().filter(|o| o.settled_s(within_m).is_some()).count(), all.len())
+    };
+    format!(
+        "Load steps on {rig} plants: where a load that breaks loose from stiction jumps by {:.0} µm at most, {} settle to {:.0} µm; where \
+         it jumps farther, {}. A load that stands nearer than half of its jump is not brought nearer by another one.",
+        2e6 * within_m,
+        settled(true),
+        1e6 * within_m,
+        settled(false)
+    )
 }
 
 /// Ratios that are drawn; what is beyond them stands at the edge.
@@ -186,13 +188,12 @@ mod tests {
     }
 
     #[test]
-    fn what_stiction_leaves_is_counted_among_what_does_not_settle() {
+    fn load_steps_are_counted_by_what_stiction_leaves() {
         let (_, [back, never, failed]) = outcomes();
-        let stuck = |half_jump_m| Outcome { half_jump_m, ..never.clone() };
-        let note =
-            left_by_stiction(RigPreset::Hard, &[back.clone(), stuck(0.9e-3), stuck(1.1e-3), failed], 150e-6).unwrap();
-        assert!(note.contains("150 µm: 2. Of these 1 settle"), "{note}");
-        assert_eq!(left_by_stiction(RigPreset::Hard, &[back], 150e-6), None);
+        let jumps = |half_jump_m, outcome: &Outcome| Outcome { half_jump_m, ..outcome.clone() };
+        let steps = [jumps(0.1e-3, &back), jumps(0.1e-3, &failed), jumps(0.2e-3, &never)];
+        let note = by_stiction(RigPreset::Hard, &steps, 150e-6);
+        assert!(note.contains("by 300 µm at most, 1 of 2 settle to 150 µm; where it jumps farther, 0 of 1."), "{note}");
     }
 
     #[test]
