@@ -17,7 +17,8 @@ const NOTE: &str = "A step changes the load at rest at 2, 8 or 14 mm, between 0.
     down, under 0.1 to 1.5 kg; on one with a load step it goes 8 mm, and the load changes between 0.9 and 1.2 kg on the way. The \
     motor's time is that in which its speed and acceleration alone turn the strings as far; that of motor and swing is the least of \
     any control, by a linear programme with the table's ratio and stiffness at the end. One that has failed did not begin, because \
-    homing or a move was refused or the load was more than 1 mm off the place where it begins, or ended in a fault.";
+    homing or a move was refused or the load was more than 1 mm off the place where it begins, or ended in a fault. A load that \
+    stands nearer to its place than half of the jump with which it breaks loose is not brought nearer by another jump.";
 
 /// Measures and draws it.
 ///
@@ -47,7 +48,7 @@ pub fn study(rigs: &Rigs) -> Result<Study> {
             for (test, outcomes) in tests {
                 row(&mut study, (test, rig, subjects.len()), *within_m, outcomes);
             }
-            study.notes.push(by_stiction(rig, &steps, *within_m));
+            study.notes.extend(by_stiction(rig, &steps, *within_m));
         }
         panels.push(panel(format!("{rig}, to {:.0} µm", within[0] * 1e6), &steps, |o| o.over_limit(within[0])));
     }
@@ -98,20 +99,23 @@ fn row(study: &mut Study, (test, rig, rigs): (&str, RigPreset, usize), within_m:
     study.row(cells);
 }
 
-/// How many load steps settle within a distance (m) where stiction lets a load rest nearer, and where it does not.
-fn by_stiction(rig: RigPreset, steps: &[Outcome], within_m: f64) -> String {
-    let settled = |near: bool| {
-        let all: Vec<&Outcome> = steps.iter().filter(|o| (o.half_jump_m <= within_m) == near).collect();
-        format!("{} of {}", all.iter().filter(|o| o.settled_s(within_m).is_some()).count(), all.len())
+/// How many load steps settle within a distance (m) where stiction lets a load rest nearer, and where it does not; `None` if it always
+/// does.
+fn by_stiction(rig: RigPreset, steps: &[Outcome], within_m: f64) -> Option<String> {
+    let (far, near): (Vec<&Outcome>, Vec<&Outcome>) = steps.iter().partition(|o| o.half_jump_m > within_m);
+    let settled = |steps: &[&Outcome]| {
+        format!("{} of {}", steps.iter().filter(|o| o.settled_s(within_m).is_some()).count(), steps.len())
     };
-    format!(
-        "Load steps on {rig} plants: where a load that breaks loose from stiction jumps by {:.0} µm at most, {} settle to {:.0} µm; where \
-         it jumps farther, {}. A load that stands nearer than half of its jump is not brought nearer by another one.",
-        2e6 * within_m,
-        settled(true),
-        1e6 * within_m,
-        settled(false)
-    )
+    (!far.is_empty()).then(|| {
+        format!(
+            "Load steps on {rig} plants: where a load that breaks loose from stiction jumps by {:.0} µm at most, {} settle to {:.0} µm; \
+             where it jumps farther, {}.",
+            2e6 * within_m,
+            settled(&near),
+            1e6 * within_m,
+            settled(&far)
+        )
+    })
 }
 
 /// Ratios that are drawn; what is beyond them stands at the edge.
@@ -192,8 +196,9 @@ mod tests {
         let (_, [back, never, failed]) = outcomes();
         let jumps = |half_jump_m, outcome: &Outcome| Outcome { half_jump_m, ..outcome.clone() };
         let steps = [jumps(0.1e-3, &back), jumps(0.1e-3, &failed), jumps(0.2e-3, &never)];
-        let note = by_stiction(RigPreset::Hard, &steps, 150e-6);
+        let note = by_stiction(RigPreset::Hard, &steps, 150e-6).expect("one jumps far");
         assert!(note.contains("by 300 µm at most, 1 of 2 settle to 150 µm; where it jumps farther, 0 of 1."), "{note}");
+        assert_eq!(by_stiction(RigPreset::Hard, &steps[..2], 150e-6), None);
     }
 
     #[test]

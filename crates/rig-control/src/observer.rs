@@ -27,7 +27,7 @@ const TIME_CONSTANT_S: f32 = 0.15;
 pub const TRAVEL_M: f32 = 0.3e-3;
 /// Pull beyond the friction band that is no noise, as a fraction of the load, besides the motion that is no noise.
 const OUTSIDE_FRACTION: f32 = 0.01;
-/// A period of the load's slowest oscillation (ticks). After this time without a pull outside the friction band the estimate has settled;
+/// Longer than the load's slowest oscillation (ticks). After this time without a pull outside the friction band the estimate has settled;
 /// with this time constant such a pull vanishes from the error of the estimate; and so long a load rests before homing relies on its gap.
 pub const SETTLED_TICKS: u16 = 40;
 /// Standard deviation of a load that is anywhere within the friction band, as a fraction of the friction: 1/√3, with every place as
@@ -75,8 +75,8 @@ pub struct LoadObserver {
     age_s: f32,
     /// Coulomb friction of the rail, found at homing (N).
     friction_n: f32,
-    /// Standard error of the load within the friction band, as a fraction of the friction: 0 after the load has moved, whose pull is
-    /// then at an end of the band.
+    /// Standard error of where the pull is within the friction band, as a fraction of the friction. It is 0 after the load has moved,
+    /// because the pull is then at an end of the band.
     band: f32,
     /// +1 after the load has moved up, −1 down.
     direction: f32,

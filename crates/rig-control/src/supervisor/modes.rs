@@ -215,7 +215,7 @@ impl Controller {
         self.shaft = Ramp::at(readings.shaft_rad);
         self.mode = Mode::Idle;
         let Some(first) = then else { return };
-        // Not before, because until now nothing else could begin.
+        // Not at the end of the check: while the drive restarts, no other motion can begin.
         let _ = events.push(EventKind::DirectionProven);
         // The gap may have been lost since the motion was asked for; a jog needs none.
         if self.begin(first).is_err() {

@@ -17,7 +17,7 @@ pub struct Recorder<W: Write> {
 }
 
 impl<W: Write> Recorder<W> {
-    /// Writes the header; what passes in the session follows from there on where [`Session::watch`] was called.
+    /// Writes the header. `entries` is what [`Session::watch`] returns; the log contains everything from that call on.
     ///
     /// # Errors
     /// If the sink fails.
