@@ -60,7 +60,7 @@ impl Adaptation {
             if let Some((scale_change, agrees)) = self.end_move(*twist_scale, observer.known_errors()) {
                 observer.end_move(agrees);
                 *twist_scale += scale_change;
-                observer.apparent_n -= x * scale_change;
+                observer.shift_load(-x * scale_change);
             }
         } else if observation.moved_m > 0.0 {
             // The estimate follows with a lag, from one end of the friction band to the other or from a load that has changed

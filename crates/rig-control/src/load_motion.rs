@@ -81,13 +81,11 @@ impl LoadMotion {
         }
     }
 
-    /// Pull and stiffness at this gap and twist: one Newton step from the pull before; beyond the table's loads its tangent.
+    /// Pull and stiffness at this gap and twist: one Newton step from the pull before.
     fn look_up(&mut self, mechanism: &Mechanism<'_>) {
-        let m = &mechanism.table.metadata;
-        let load_n = self.pull_n.clamp(m.load_min_n, m.load_max_n);
-        let point = mechanism.at(load_n, self.twist_rad);
+        let point = mechanism.at(self.pull_n, self.twist_rad);
         let stiffness = 1.0 / point.dgap_dload_m_per_n;
-        self.pull_n = load_n + stiffness * (self.gap_m - point.gap_m);
+        self.pull_n += stiffness * (self.gap_m - point.gap_m);
         self.stiffness_n_per_m = stiffness;
         self.by_twist_n_per_rad = -stiffness * point.dgap_dtwist_m_per_rad;
     }

@@ -56,7 +56,7 @@ impl LoadState<'_> {
         let brakes = |left_rad: f32| braking_speed(left_rad.max(0.0), limits.acceleration);
         // Below the half-turn pre-twist by half of what the mechanism covers, so that a shaft which lags stays within that.
         let slowest = -brakes(twist_rad - (table.twist_min_rad - 0.5 * OUTSIDE_RAD));
-        let fastest = brakes(table.twist_max_rad - twist_rad);
+        let fastest = brakes(self.mechanism.twist_max_rad() - twist_rad);
         let free = limits.after_a_tick(shaft.speed, twist_speed_rad_per_s);
         let speed = limits.after_a_tick(shaft.speed, free.clamp(slowest, fastest));
         (Ramp { position: shaft.position + speed * TICK_S, speed }, speed != free)

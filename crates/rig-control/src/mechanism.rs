@@ -34,14 +34,14 @@ pub struct Mechanism<'t> {
 }
 
 impl Mechanism<'_> {
-    /// Measured gap and its gradient at a load (N) and a twist (rad), each moved to the table's edge where it is outside; the
-    /// gap beyond an end of the twist follows the tangent.
+    /// Measured gap and its gradient at a load (N) and a twist (rad). Outside the table the gap follows the tangent at its edge.
     pub fn at(&self, load_n: f32, twist_rad: f32) -> Point {
         let m = &self.table.metadata;
         let scaled_rad = self.twist_scale * twist_rad;
         let inside_rad = scaled_rad.clamp(m.twist_min_rad, m.twist_max_rad);
         let mut point = self.table.point_inside(load_n, inside_rad);
-        point.gap_m += point.dgap_dtwist_m_per_rad * (scaled_rad - inside_rad);
+        let beyond_n = load_n - load_n.clamp(m.load_min_n, m.load_max_n);
+        point.gap_m += point.dgap_dtwist_m_per_rad * (scaled_rad - inside_rad) + point.dgap_dload_m_per_n * beyond_n;
         let (beside_m, slope_m_per_rad) = self.curve.at(twist_rad);
         point.gap_m += beside_m;
         let scaled = self.twist_scale * point.dgap_dtwist_m_per_rad;

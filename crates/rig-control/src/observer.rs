@@ -193,6 +193,15 @@ impl LoadObserver {
         self.band = RESTING_BAND;
     }
 
+    /// With another scale of the twist the same gap shows a load that is greater by so much (N). It has not changed.
+    pub fn shift_load(&mut self, change_n: f32) {
+        self.apparent_n += change_n;
+        if let Some(motion) = &mut self.motion {
+            motion.weight_n += change_n;
+            motion.pull_n += change_n;
+        }
+    }
+
     /// Errors of the load that a move may show as if the strings had drifted.
     pub fn known_errors(&self) -> KnownErrors {
         let change = self.shape_error * (self.apparent_n - self.homed_n).abs() / self.homed_n;

@@ -77,11 +77,7 @@ impl PositionLoop {
         let motion = &load.motion;
         let frequency_squared = motion.frequency_squared();
         let frequency = libm::sqrtf(frequency_squared);
-        let m = &load.mechanism.table.metadata;
-        let inside_n = motion.weight_n.clamp(m.load_min_n, m.load_max_n);
-        // Beyond the table's loads by its tangent.
-        let mut hung = load.mechanism.at(inside_n, load.twist_rad);
-        hung.gap_m += (motion.weight_n - inside_n) * hung.dgap_dload_m_per_n;
+        let hung = load.mechanism.at(motion.weight_n, load.twist_rad);
         // The set-point when this command acts.
         let SetPoint { speed_m_per_s: speed, acceleration_m_per_s2: acceleration, jerk_m_per_s3: jerk, .. } =
             *set_point;
@@ -102,6 +98,7 @@ impl PositionLoop {
         // The observer knows no friction: a load that sticks is not where it would come to rest.
         let (feedback, stuck_m) = match standing {
             Standing::LeftAlone => {
+                self.compensation = FrictionCompensation::default();
                 return LoopOutput { twist_speed_rad_per_s: 0.0, rest_error_m };
             }
             Standing::Beside(stuck_m) => (STUCK_PER_S * stuck_m, stuck_m),

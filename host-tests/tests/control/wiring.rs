@@ -2,7 +2,7 @@
 //! closes its loops on what its own encoder input counts, so with a wrong sign it runs away.
 
 use host_tests::ControlBench;
-use rig_link::messages::{EventKind, Fault, HomingFailure, Request, State};
+use rig_link::messages::{EventKind, Fault, HomingFailure, LoadChoice, Request, State};
 use rig_plant::RigFault;
 use std::f64::consts::PI;
 
@@ -114,4 +114,74 @@ fn a_shaft_that_never_stands_after_a_start_is_a_fault() {
     assert!(d.until(15.0, |d| d.control.fault().is_some()));
     assert_eq!(d.control.fault(), Some(Fault::ShaftUnsteady));
     assert!(d.time_s() > 10.0, "{} s", d.time_s());
+}
+
+/// The encoder that drive and board share loses its supply, or a channel before the lines part, while the strings turn: the drive's loop
+/// runs after a count that stands.
+#[test]
+fn an_encoder_that_fails_while_the_strings_turn_ends_the_motion_before_the_drive_has_run_away() {
+    let both = [RigFault::EncoderChannel, RigFault::DriveEncoderChannel];
+    for faults in [&[RigFault::EncoderUnpowered][..], &both] {
+        for (load, friction) in [("0.2kg", "0.5N"), ("0.5kg", "0.05N"), ("1.2kg", "0.5N")] {
+            let mut ready = super::homed(&[], load, friction, 3);
+            ready.move_to(0.008, 0.004, LoadChoice::Auto).unwrap();
+            for request in [
+                super::go(0.014, 0.002),
+                super::go(0.002, 0.004),
+                Request::Jog { twist_speed_rad_per_s: 2.0 },
+                Request::Jog { twist_speed_rad_per_s: -4.0 },
+                Request::HOME,
+            ] {
+                let mut d = ready.clone();
+                d.tick(Some(request));
+                d.run(0.5);
+                faults.iter().for_each(|&fault| d.rig.set_fault(fault, true));
+                let (from_s, from_rad) = (d.time_s(), d.truth().twist_rad);
+                assert!(d.until(2.0, |d| d.control.fault().is_some()), "{faults:?} {load} {request:?}");
+                let (after_s, turned_rad) = (d.time_s() - from_s, (d.truth().twist_rad - from_rad).abs());
+                println!("{faults:?} {load} {request:?}: after {after_s:.2} s and {turned_rad:.1} rad");
+                assert_eq!(d.control.fault(), Some(Fault::MotorStill), "{faults:?} {load} {request:?}");
+                assert!(
+                    turned_rad < 5.0 && d.truth().drive_mode == 0,
+                    "{faults:?} {load} {request:?}: {turned_rad} rad"
+                );
+            }
+        }
+    }
+}
+
+/// A drive whose line breaks in the check of the directions keeps its voltage.
+#[test]
+fn a_line_that_breaks_while_a_voltage_turns_the_motor_costs_the_drive_its_power() {
+    let mut d = ControlBench::new(&[("load", "0.5kg"), ("twist_at_boot", "0rad")], 7);
+    d.until(15.0, |d| d.control.state() == State::Unhomed);
+    d.tick(Some(Request::HOME));
+    assert!(d.until(1.0, |d| d.truth().motor_speed_rad_per_s.abs() > 1.0));
+    d.rig.set_fault(RigFault::CanSilent, true);
+    let from_rad = d.truth().twist_rad;
+    d.run(3.0);
+    let turned_rad = (d.truth().twist_rad - from_rad).abs();
+    assert_eq!(d.control.fault(), Some(Fault::DriveSilent));
+    assert!(turned_rad < 0.5 && d.truth().drive_mode == 0, "{turned_rad} rad, mode {}", d.truth().drive_mode);
+}
+
+/// A load on strings that turn easily untwists them while the drive starts again; a fault in that time does not keep it from being held.
+#[test]
+fn a_load_is_caught_when_the_drive_has_started_again_whatever_fault_came_meanwhile() {
+    let keys = [("load", "1.2kg"), ("twist_at_boot", "45"), ("motor_friction", "0"), ("friction", "0.05N")];
+    let mut d = ControlBench::new(&keys, 7);
+    d.until(15.0, |d| d.control.state() == State::Unhomed);
+    d.tick(Some(Request::HOME));
+    assert!(d.until(3.0, |d| d.rig.drive().mode().is_none()), "the drive starts again");
+    d.run(0.2);
+    d.host_alive = false;
+    assert!(d.until(1.0, |d| d.control.fault() == Some(Fault::HostSilent)));
+    d.run(3.0);
+    let held_rad = d.truth().twist_rad;
+    d.run(3.0);
+    assert!((d.truth().twist_rad - held_rad).abs() < 0.1, "from {held_rad} to {} rad", d.truth().twist_rad);
+    // Without its motor's leads in order it is not held, and that is noticed.
+    d.rig.set_fault(RigFault::MotorSwapped, true);
+    d.run(3.0);
+    assert_eq!(d.control.fault(), Some(Fault::NotHeld));
 }

@@ -1,5 +1,6 @@
 //! The middle of an even curve, from two sweeps across it in opposite directions.
 
+use super::SWEEP_HALF;
 use super::sweeps::{Bin, Sweeps};
 use crate::observer::TRAVEL_M;
 use micromath::F32Ext;
@@ -17,18 +18,17 @@ const LARGEST_SPLIT: f32 = 0.9;
 pub(super) struct Centre {
     pub(super) sweeps: Sweeps<BINS>,
     pub(super) middle_rad: f32,
-    half_rad: f32,
 }
 
 impl Centre {
-    /// Sweeps across a rough middle (rad) to half a width (rad) on both sides of it.
-    pub(super) const fn new(middle_rad: f32, half_rad: f32) -> Self {
-        Self { sweeps: Sweeps::NEW, middle_rad, half_rad }
+    /// Sweeps across a rough middle (rad), to [`SWEEP_HALF`] on both sides of it.
+    pub(super) const fn new(middle_rad: f32) -> Self {
+        Self { sweeps: Sweeps::NEW, middle_rad }
     }
 
     pub(super) fn record(&mut self, shaft_rad: f32, gap_m: f32) {
         let relative = shaft_rad - self.middle_rad;
-        let place = (relative / self.half_rad + 1.0) * 0.5 * BINS as f32;
+        let place = (relative / SWEEP_HALF + 1.0) * 0.5 * BINS as f32;
         if place < BINS as f32 {
             self.sweeps.record(place, relative, gap_m);
         }
@@ -43,7 +43,7 @@ impl Centre {
     pub(super) fn solve(&self) -> Result<(f32, f32), HomingFailure> {
         let [first, second] = &self.sweeps.bins;
         let (first, second) = (middle_of_sweep(first)?, middle_of_sweep(second)?);
-        if (first.0 - second.0).abs() > LARGEST_SPLIT * self.half_rad {
+        if (first.0 - second.0).abs() > LARGEST_SPLIT * SWEEP_HALF {
             return Err(HomingFailure::PoorFit);
         }
         // The error is an estimate: micromath's root, 6 % off at most, is good enough for it.
@@ -107,11 +107,11 @@ mod tests {
     use super::*;
 
     fn sweep(zero: f32, lag: f32, height: f32) -> Centre {
-        let mut c = Centre::new(10.0, 3.0);
+        let mut c = Centre::new(10.0);
         for (pass, sign) in [(0, 1.0f32), (1, -1.0)] {
             assert_eq!(c.sweeps.pass, pass);
-            for k in 0..=600 {
-                let shaft = 10.0 + sign * (k as f32 / 100.0 - 3.0);
+            for k in 0..=1000 {
+                let shaft = 10.0 + sign * (k as f32 / 100.0 - 5.0);
                 let twist = shaft - lag * sign - zero;
                 c.record(shaft, 0.1 - height * (1.0 - libm::cosf(twist / 2.0)));
             }
@@ -132,8 +132,8 @@ mod tests {
     #[test]
     fn what_is_flat_or_one_sided_or_split_is_refused() {
         assert_eq!(sweep(10.0, 0.0, 1e-5).solve(), Err(HomingFailure::NoPretwist));
-        assert_eq!(sweep(14.0, 0.0, 0.004).solve(), Err(HomingFailure::NoPretwist));
-        assert_eq!(sweep(10.0, 1.4, 0.02).solve(), Err(HomingFailure::PoorFit));
-        assert_eq!(Centre::new(0.0, 1.0).solve(), Err(HomingFailure::NoPretwist));
+        assert_eq!(sweep(16.0, 0.0, 0.004).solve(), Err(HomingFailure::NoPretwist));
+        assert_eq!(sweep(10.0, 2.4, 0.02).solve(), Err(HomingFailure::PoorFit));
+        assert_eq!(Centre::new(0.0).solve(), Err(HomingFailure::NoPretwist));
     }
 }

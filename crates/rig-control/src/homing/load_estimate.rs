@@ -137,7 +137,8 @@ impl LoadEstimate {
     pub(super) fn begin_fit(&mut self, table: &Table<'_>, rig: &RigConstants) {
         let m = &table.metadata;
         self.zero_error_m = libm::hypotf(m.uncertainty.gap_zero_m, rig.lvdt_reading_error_m());
-        self.slope_error = rig.lvdt_slope_error();
+        // A weight of the fit: that of a sensor without an error would be infinite.
+        self.slope_error = rig.lvdt_slope_error().max(1e-6);
         let (sum_m, count) = self.pairs().fold((0.0, 0.0f32), |(sum_m, count), pair| (sum_m + pair.gap_m, count + 1.0));
         self.middle_m = sum_m / count.max(1.0);
         let middle_n = libm::sqrtf(m.load_min_n * m.load_max_n);
@@ -381,7 +382,7 @@ fn curve(rest: &[(f32, f32)], offset_m: f32) -> Option<GapCurve> {
 /// (docs/explanation/model.md 2): the lightest load less friction is there.
 fn below(mechanism: &Mechanism<'_>, load_n: f32, twist_rad: f32) -> Point {
     let min_n = mechanism.table.metadata.load_min_n;
-    let mut point = mechanism.at(load_n, twist_rad);
+    let mut point = mechanism.at(load_n.max(min_n), twist_rad);
     if load_n < min_n {
         let fraction = min_n / load_n.max(0.1 * min_n);
         point.gap_m += point.dgap_dload_m_per_n * min_n * (1.0 - fraction);

@@ -97,7 +97,6 @@ enum Phase {
     LoadRest,
     LoadEstimate,
     Settle { quiet: Quiet, rest: Rest },
-    Done(Homed),
 }
 
 /// The search for the maximum gap.
@@ -185,7 +184,7 @@ impl Homing {
             direction: 1.0,
             ticks: 0,
             waited: 0,
-            centre: Centre::new(0.0, 1.0),
+            centre: Centre::new(0.0),
             load_estimate: LoadEstimate::new(twist_scale, load, heaviest_n),
             stick_slip: StickSlip::default(),
             zero_rad: 0.0,
@@ -222,10 +221,9 @@ impl Homing {
                 false => Phase::LoadRest,
             },
             Phase::LoadEstimate => self.sweep_weigh(table, rig, inputs),
-            Phase::Settle { quiet, rest } => self.settle(table, quiet, rest, gap_m)?,
-            Phase::Done(homed) => Phase::Done(homed),
+            Phase::Settle { quiet, rest } => return self.settle(table, quiet, rest, gap_m),
         };
-        Ok(if let Phase::Done(homed) = self.phase { Some(homed) } else { None })
+        Ok(None)
     }
 
     /// Runs the ramp on to `goal`; whether it rests there.
@@ -313,7 +311,7 @@ impl Homing {
         if !self.has_rested_at(self.zero_rad + self.direction * SWEEP_HALF) {
             return Phase::CentreRest;
         }
-        self.centre = Centre::new(self.zero_rad, SWEEP_HALF);
+        self.centre = Centre::new(self.zero_rad);
         Phase::Centre
     }
 
@@ -356,7 +354,7 @@ impl Homing {
         mut quiet: Quiet,
         mut rest: Rest,
         gap_m: f32,
-    ) -> Result<Phase, HomingFailure> {
+    ) -> Result<Option<Homed>, HomingFailure> {
         let fitted = self.load_estimate.fit_step(table)?;
         // A load that moves, because it still swings or because its weight is changed, is averaged anew.
         if self.is_quiet(&mut quiet) {
@@ -366,7 +364,8 @@ impl Homing {
         }
         let averaged = rest.count > f32::from(SETTLED_TICKS);
         let Some(w) = fitted.filter(|_| averaged) else {
-            return Ok(Phase::Settle { quiet, rest });
+            self.phase = Phase::Settle { quiet, rest };
+            return Ok(None);
         };
         let (reference_gap_m, noise_m) = rest.mean_and_noise_m();
         // What the converter cannot resolve may look like no noise at all.
@@ -380,7 +379,7 @@ impl Homing {
         if shifted_m > 2.0 * (TRAVEL_M + w.friction_n * there.dgap_dload_m_per_n) {
             return Err(HomingFailure::Shifted);
         }
-        Ok(Phase::Done(Homed {
+        Ok(Some(Homed {
             zero_rad: self.zero_rad,
             beyond_range: w.beyond_range,
             heaviest_n: self.load_estimate.heaviest_n,

@@ -160,6 +160,11 @@ impl Latched {
         self.all.meets(Faults::of(&ENCODER))
     }
 
+    /// Whether one of them says that the drive cannot be reached.
+    pub fn drive_is_unheard(self) -> bool {
+        self.all.meets(Faults::of(&[Fault::CanBusOff, Fault::DriveSilent]))
+    }
+
     /// Latches a fault.
     pub fn insert(&mut self, fault: Fault) {
         self.all.insert(fault);

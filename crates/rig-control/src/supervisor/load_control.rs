@@ -55,11 +55,10 @@ pub(super) struct Move {
     pub(super) stopping: bool,
     /// Time until the set-point is at its target, friction compensation aside (s); `None` before the first tick and in a stop.
     run_s: Option<f32>,
-    /// Ticks that the set-point has been at its target, and of these in a row: that the load was near it, and that the
-    /// strings were at the end of their travel.
+    /// Ticks that the set-point has been at its target, and of these in a row that the load was near it, or the strings at the
+    /// end of their travel.
     rest_ticks: u16,
     near_ticks: u16,
-    end_ticks: u16,
 }
 
 /// Fraction of the motor's speed that a set-point may have while the load's place of rest is behind it by so much (m).
@@ -143,10 +142,9 @@ impl Move {
         let left_m = self.control.position_loop.rest.left_alone_m(load.gap_noise_m, load.jump_m);
         // Half an LVDT count, or what is no motion; the loop goes on holding after that.
         let near = error_m.abs() < (0.5 * LVDT_COUNT_M).max(load.moved_m()).max(left_m);
-        let arrived = lasts(&mut self.near_ticks, near, SHORT_TICKS);
-        let ended = lasts(&mut self.end_ticks, at_end, SHORT_TICKS);
+        let arrived = lasts(&mut self.near_ticks, near || at_end, SHORT_TICKS);
         self.rest_ticks += 1;
-        arrived || ended || self.rest_ticks >= 2 * LONG_TICKS
+        arrived || self.rest_ticks >= 2 * LONG_TICKS
     }
 }
 

@@ -7,7 +7,7 @@ use super::stream::Stream;
 use super::{Controller, Events, Inputs, STANDING_RPM};
 use crate::direction::{DirectionCheck, Step, Witnesses};
 use crate::homing::{self, Homing, HomingInputs};
-use crate::ramp::Ramp;
+use crate::ramp::{Ramp, braking_speed};
 use crate::sensors::{DriveReading, LvdtReading};
 use crate::{TICK_S, whole_counts};
 use core::f32::consts::TAU;
@@ -51,8 +51,6 @@ pub(super) enum Mode {
 /// A start of the drive.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Boot {
-    /// The drive was told to restart and still reports from before, with another zero.
-    awaiting_restart: bool,
     /// Own and drive's counts where both began to stand.
     stood_at: [i64; 2],
     standing_ticks: u16,
@@ -124,6 +122,7 @@ impl Controller {
             // Nothing holds it anywhere.
             self.shaft = Ramp::at(self.sensing.readings.shaft_rad);
         }
+        self.find_drive_zero(inputs);
         match self.mode {
             Mode::Boot(_) => self.step_boot(inputs, events),
             Mode::Proving(_) => self.step_proving(inputs, events),
@@ -164,30 +163,35 @@ impl Controller {
     /// Starts the drive again, which forgets its position, and then begins a motion.
     pub(super) fn start_drive(&mut self, then: Option<First>) {
         self.tracking = None;
-        self.sensing.drive_zero = DriveZero::Unknown;
+        self.sensing.drive_zero = DriveZero::Outdated;
         self.restart_drive = true;
         self.guard.restart();
-        self.mode = Mode::Boot(Boot { awaiting_restart: true, then, ..Boot::default() });
+        self.mode = Mode::Boot(Boot { then, ..Boot::default() });
     }
 
-    /// Own and drive's counts are matched only when the shaft stands, because a report is up to 10 ms old. In closed loop a hold
-    /// is commanded at once, because until its first command the drive gives no torque and a loaded string untwists.
+    /// From its first report on, a drive that has started is commanded to hold, also in a fault that came meanwhile: until its
+    /// first command it gives no torque, and a loaded string untwists.
+    fn find_drive_zero(&mut self, inputs: &Inputs) {
+        self.sensing.drive_zero = match (self.sensing.drive_zero, inputs.drive) {
+            (DriveZero::Outdated, DriveReading::Reports { .. }) => DriveZero::Outdated,
+            (DriveZero::Unknown, DriveReading::Reports { position_qc, .. }) => {
+                self.shaft = Ramp::at(self.sensing.readings.shaft_rad);
+                DriveZero::Rough(inputs.encoder_counts - i64::from(position_qc))
+            }
+            (DriveZero::Outdated, _) => DriveZero::Unknown,
+            (known, _) => known,
+        };
+    }
+
+    /// Own and drive's counts are matched only when the shaft stands, because a report is up to 10 ms old.
     fn step_boot(&mut self, inputs: &Inputs, events: &mut Events) {
-        let Mode::Boot(boot) = &mut self.mode else { return };
-        let DriveReading::Reports { position_qc, .. } = inputs.drive else {
-            boot.awaiting_restart = false;
+        let (Mode::Boot(boot), DriveReading::Reports { position_qc, .. }, DriveZero::Rough(_)) =
+            (&mut self.mode, inputs.drive, self.sensing.drive_zero)
+        else {
             return;
         };
-        if boot.awaiting_restart {
-            return;
-        }
         let readings = &self.sensing.readings;
         let counts = [inputs.encoder_counts, i64::from(position_qc)];
-        let offset = counts[0] - counts[1];
-        if self.sensing.drive_zero == DriveZero::Unknown {
-            self.sensing.drive_zero = DriveZero::Rough(offset);
-            self.shaft = Ramp::at(readings.shaft_rad);
-        }
         // Counts, not the drive's speed, in which the dither of a few counts looks like motion.
         let standing_rad_per_s =
             if self.closed_loop { f32::from(STANDING_RPM) / 60.0 * TAU } else { SINKING_RAD_PER_S };
@@ -211,7 +215,7 @@ impl Controller {
             return;
         }
         let then = boot.then;
-        self.sensing.drive_zero = DriveZero::Matched(offset);
+        self.sensing.drive_zero = DriveZero::Matched(counts[0] - counts[1]);
         self.shaft = Ramp::at(readings.shaft_rad);
         self.mode = Mode::Idle;
         let Some(first) = then else { return };
@@ -277,23 +281,22 @@ impl Controller {
 
     fn step_jog(&mut self, wanted_rad_per_s: f32, events: &mut Events) -> Option<Limit> {
         let speed_change = homing::ACCELERATION * TICK_S;
-        self.shaft.speed += (wanted_rad_per_s - self.shaft.speed).clamp(-speed_change, speed_change);
-        let next = self.shaft.position + self.shaft.speed * TICK_S;
+        let free = self.shaft.speed + (wanted_rad_per_s - self.shaft.speed).clamp(-speed_change, speed_change);
+        self.shaft.speed = free;
         // A homed rig knows how far the strings may be twisted, either way.
-        let outside = self.tracking.as_ref().is_some_and(|tracking| {
-            let twist_rad = tracking.twist_rad(next);
-            twist_rad.abs() > self.table.metadata().twist_max_rad && twist_rad * self.shaft.speed > 0.0
-        });
-        if outside {
-            self.shaft.speed = 0.0;
-        } else {
-            self.shaft.position = next;
+        if let Some(tracking) = &self.tracking {
+            let twist_rad = tracking.twist_rad(self.shaft.position);
+            let max_rad = tracking.mechanism(self.table.table()).twist_max_rad();
+            let [back, on] = [max_rad + twist_rad, max_rad - twist_rad]
+                .map(|left_rad| braking_speed(left_rad.max(0.0), homing::ACCELERATION));
+            self.shaft.speed = free.clamp(-back, on);
         }
+        self.shaft.position += self.shaft.speed * TICK_S;
         if wanted_rad_per_s == 0.0 && self.shaft.speed == 0.0 {
             self.mode = Mode::Idle;
             let _ = events.push(EventKind::Stopped);
         }
-        outside.then_some(Limit::Travel)
+        (self.shaft.speed != free).then_some(Limit::Travel)
     }
 }
 

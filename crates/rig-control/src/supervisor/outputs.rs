@@ -23,6 +23,9 @@ impl Controller {
             // connected again must find no old target.
             (Mode::EStop { closing: true, .. }, _) => DriveCommand::LetGo,
             (Mode::EStop { .. }, _) => DriveCommand::PowerOff,
+            // A drive that cannot be told to stop, and turns: by its last voltage, or away from where it should hold.
+            (_, Some(Response::LetGo)) if self.guard.latched.drive_is_unheard() => DriveCommand::PowerOff,
+            (_, Some(Response::HoldIfHeard)) if !self.closed_loop => DriveCommand::PowerOff,
             (_, Some(Response::LetGo)) => DriveCommand::LetGo,
             _ if restart && self.closed_loop => DriveCommand::Restart,
             _ if restart => DriveCommand::RestartOpenLoop,

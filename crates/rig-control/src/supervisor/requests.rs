@@ -188,15 +188,16 @@ impl Controller {
         if let Some(row) = rows.clone().find(|row| self.cause_remains(row.fault, inputs)) {
             return Err(Refusal::CauseRemains { fault: row.fault });
         }
-        // By its most severe fault the load is held. A shaft that turns says otherwise, and that must be reported first.
-        let should_hold = latched.response().is_some_and(|response| response < Response::LetGo);
+        // By its most severe fault the load is held. A shaft that turns says otherwise, and that must be reported first. In open loop
+        // nothing is held.
+        let should_hold = self.closed_loop && latched.response().is_some_and(|response| response < Response::LetGo);
         if should_hold && self.guard.shaft.still_ticks < SHORT_TICKS {
             return Err(Refusal::ShaftTurns);
         }
         for row in rows {
             let _ = events.push(EventKind::FaultCleared(row.fault));
         }
-        let restart = matches!(self.mode, Mode::EStop { .. }) || !self.sensing.drive_zero.is_matched();
+        let restart = matches!(self.mode, Mode::EStop { .. }) || self.sensing.drive_zero.offset().is_none();
         match if restart { After::Restart } else { latched.after() } {
             After::Restart | After::Never => {
                 // Begins again as after power-up, without moving: somebody may have changed the wiring meanwhile.
@@ -211,7 +212,9 @@ impl Controller {
         let readings = &self.sensing.readings;
         let twist_rad = self.tracking.as_ref().map(|tracking| tracking.twist_rad(readings.shaft_rad));
         self.guard.clear(inputs, readings.lvdt.gap_m(), twist_rad);
-        self.mode = Mode::Idle;
+        // A start that the fault interrupted goes on.
+        let matched = self.sensing.drive_zero.is_matched();
+        self.mode = if matched { Mode::Idle } else { Mode::Boot(Boot::default()) };
         Ok(Accepted::Done)
     }
 

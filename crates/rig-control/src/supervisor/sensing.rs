@@ -21,6 +21,8 @@ pub(super) struct Readings {
 /// Zero of the drive's count: own count less the drive's.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) enum DriveZero {
+    /// The drive was told to restart and still reports from before, with another zero.
+    Outdated,
     /// The drive has not reported since its last start.
     #[default]
     Unknown,
@@ -33,7 +35,7 @@ pub(super) enum DriveZero {
 impl DriveZero {
     pub(super) fn offset(self) -> Option<i64> {
         match self {
-            Self::Unknown => None,
+            Self::Outdated | Self::Unknown => None,
             Self::Rough(offset) | Self::Matched(offset) => Some(offset),
         }
     }

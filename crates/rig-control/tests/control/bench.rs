@@ -94,6 +94,8 @@ pub struct Bench {
     heard_us: u64,
     random: u32,
     unrounded_ma: f32,
+    /// What a blocked motor draws (mA); 0 for one that turns.
+    blocked_ma: f32,
 }
 
 impl Bench {
@@ -134,6 +136,7 @@ impl Bench {
             heard_us: 0,
             random: 1,
             unrounded_ma: 0.0,
+            blocked_ma: 0.0,
         };
         bench.settle();
         bench
@@ -215,7 +218,9 @@ impl Bench {
             turned_rad = tick_s * f32::from(pwm) * RAD_PER_S_PER_PWM * self.constants.counts_per_rad.signum();
         }
         let before_rad = self.twist_rad;
-        turned_rad = turned_rad.min(self.closed_at_rad - before_rad);
+        let free_rad = self.closed_at_rad - before_rad;
+        self.blocked_ma = if turned_rad > free_rad { self.constants.current_limit_ma.into() } else { 0.0 };
+        turned_rad = turned_rad.min(free_rad);
         for step in 1..=STEPS {
             self.oscillation(before_rad + turned_rad * f32::from(step) / f32::from(STEPS));
             if step == SEEN_STEP {
@@ -239,7 +244,8 @@ impl Bench {
                 let sign = self.constants.counts_per_rad.signum();
                 let rpm = self.speed_rad_per_s / TAU * 60.0 * self.constants.gear_ratio;
                 // What rounding leaves is added to the next reading, so that the mean is exact.
-                let exact_ma = 1e3 * sign * (newton_metres / per_a + friction_a) + self.unrounded_ma;
+                let exact_ma =
+                    1e3 * sign * (newton_metres / per_a + friction_a) + sign * self.blocked_ma + self.unrounded_ma;
                 self.unrounded_ma = exact_ma - exact_ma.round();
                 DriveReading::Reports {
                     t_us: self.now_us,

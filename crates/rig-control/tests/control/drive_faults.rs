@@ -155,3 +155,86 @@ fn the_directions_are_reported_as_proven_when_the_next_motion_can_begin() {
     assert_eq!(bench.events, [EventKind::DirectionProven]);
     bench.begin(Request::Home { load: LoadChoice::Auto });
 }
+
+/// A rig whose drive starts again in closed loop, after its directions have been proven.
+fn restarting() -> Bench {
+    let mut bench = Bench::new(5.0, 0.01, 9.0);
+    bench.while_in(State::Boot);
+    bench.begin(Request::HOME);
+    while bench.command != DriveCommand::Restart {
+        bench.tick(None);
+    }
+    bench
+}
+
+#[test]
+fn a_set_point_that_turns_while_neither_count_does_is_let_go_before_the_drive_has_run_away() {
+    for (current_ma, expected) in [(0, Fault::MotorStill), (constants().current_limit_ma, Fault::FollowingError)] {
+        let mut bench = Bench::homed();
+        bench.begin(Request::Jog { twist_speed_rad_per_s: 2.0 });
+        bench.run(100);
+        // Both inputs lose their encoder. The motor draws little where it turns, and all that it may where it is blocked.
+        let counts = bench.sensors.as_ref().map(|sensors| sensors.shaft_rad * constants().counts_per_rad);
+        let own = counts.expect("a shaft") as i64;
+        bench.tamper = tamper(move |inputs| {
+            let DriveReading::Reports { position_qc, speed_rpm, current_ma: drawn_ma, .. } = &mut inputs.drive else {
+                return;
+            };
+            *position_qc += (own - inputs.encoder_counts) as i32;
+            (inputs.encoder_counts, *speed_rpm, *drawn_ma) = (own, 0, current_ma);
+        });
+        let (ticks, fault) = bench.ticks_until_fault(200).expect("a fault");
+        // 0.2 rad at 2 rad/s, and 80 ms.
+        assert_eq!((fault, ticks < 22), (expected, expected == Fault::MotorStill), "after {ticks} ticks");
+        let let_go = bench.command == DriveCommand::LetGo;
+        assert_eq!(let_go, expected == Fault::MotorStill, "{:?}", bench.command);
+    }
+}
+
+#[test]
+fn a_drive_in_open_loop_that_does_not_hear_loses_its_power() {
+    let mut bench = Bench::new(5.0, 0.01, 9.0);
+    bench.while_in(State::Boot);
+    bench.begin(Request::HOME);
+    while !matches!(bench.command, DriveCommand::Voltage { pwm: 1.. }) {
+        bench.tick(None);
+    }
+    bench.tamper = tamper(|inputs| reports(inputs, |t_us, _, _| *t_us = 0));
+    bench.ticks_until_fault(10);
+    assert_eq!((bench.rig.fault(), bench.command), (Some(Fault::DriveSilent), DriveCommand::PowerOff));
+    bench.tamper = None;
+    assert_eq!(bench.ask(Request::Clear), Ok(Accepted::Done));
+    assert_eq!(bench.command, DriveCommand::RestartOpenLoop);
+}
+
+#[test]
+fn a_fault_while_the_drive_restarts_holds_from_its_first_report_and_clear_goes_on_with_the_start() {
+    let mut bench = restarting();
+    bench.run(1);
+    bench.now_us += 60_000;
+    bench.run(1);
+    assert_eq!((bench.rig.fault(), bench.command), (Some(Fault::TickLate), DriveCommand::Silence));
+    bench.run(300);
+    assert!(matches!(bench.command, DriveCommand::Follow { .. }), "{:?}", bench.command);
+    let held_rad = bench.twist_rad;
+    assert_eq!(bench.ask(Request::Clear), Ok(Accepted::Done));
+    bench.while_in(State::Boot);
+    bench.begin(Request::HOME);
+    assert!(bench.rig.state() == State::Homing && (bench.twist_rad - held_rad).abs() < 0.05, "it has not let go");
+}
+
+#[test]
+fn a_hold_that_a_fault_began_before_the_shaft_has_stood_is_watched() {
+    let mut bench = restarting();
+    bench.run(1);
+    bench.now_us += 60_000;
+    bench.run(300);
+    assert_eq!(bench.rig.fault(), Some(Fault::TickLate));
+    let counts = (0.9 * bench.constants.counts_per_rad) as i32;
+    bench.tamper = tamper(move |inputs| {
+        inputs.encoder_counts += i64::from(counts);
+        reports(inputs, |_, position_qc, _| *position_qc += counts);
+    });
+    bench.run(10);
+    assert_eq!((bench.rig.fault(), bench.command), (Some(Fault::NotHeld), DriveCommand::LetGo));
+}

@@ -204,6 +204,18 @@ fn a_switch_that_was_cleared_open_stays_so_when_gaps_mean_something_else() {
 }
 
 #[test]
+fn a_load_that_lies_at_a_switch_when_the_rig_is_switched_on_is_jogged_away_from_it() {
+    let mut bench = Bench::new(5.0, 0.01, 9.0);
+    bench.tamper = tamper(|inputs| inputs.lower_limit_open = true);
+    bench.while_in(State::Boot);
+    assert_eq!((bench.run(5), bench.rig.fault()), ((), Some(Fault::LimitSwitch)));
+    assert_eq!(bench.ask(Request::Clear), Ok(Accepted::Done));
+    bench.begin(Request::Jog { twist_speed_rad_per_s: 2.0 });
+    bench.run(500);
+    assert!(bench.rig.fault().is_none() && bench.twist_rad > 12.0, "{:?} {}", bench.rig.fault(), bench.twist_rad);
+}
+
+#[test]
 fn a_damaged_table_is_a_fault_from_the_start_that_nothing_clears() {
     let mut damaged = *table();
     damaged.crc ^= 1;
@@ -310,7 +322,7 @@ fn a_held_shaft_that_turns_is_let_go_once() {
         bench.tick(None);
     }
     assert_eq!((bench.now_us - from_us) / TICK_US, 8);
-    assert_eq!((bench.command, bench.rig.fault()), (DriveCommand::LetGo, Some(Fault::NotHeld)));
+    assert_eq!((bench.command, bench.rig.fault()), (DriveCommand::PowerOff, Some(Fault::NotHeld)));
     bench.tamper = None;
     assert_eq!(bench.ask(Request::Clear), Ok(Accepted::Done));
     assert_eq!((bench.command, bench.rig.state()), (DriveCommand::RestartOpenLoop, State::Boot));

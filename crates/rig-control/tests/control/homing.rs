@@ -6,7 +6,7 @@ use rig_control::homing::{NINETY_PERCENT, SPEED};
 use rig_control::hysteresis::{MEMORY_ERROR, RodMemory};
 use rig_control::mechanism::Mechanism;
 use rig_control::{RigConstants, TICK_S};
-use rig_link::messages::{Accepted, EventKind, HomingFailure, LoadChoice, Request, Setting, State};
+use rig_link::messages::{Accepted, EventKind, HomingFailure, LoadChoice, LvdtCurve, Request, Setting, State};
 use std::f32::consts::{PI, TAU};
 use std::sync::Arc;
 
@@ -301,4 +301,15 @@ fn a_load_that_is_homed_after_a_heavier_one_is_reported_lighter_and_less_certain
     let [fresh, after] = [5.0, 10.0].map(|before_n| found(before_n, LoadChoice::Known(5.0)));
     near(after.load_n, fresh.load_n, 0.01);
     assert!((after.load_error_n / fresh.load_error_n - 1.0).abs() < 0.2, "{after:?} {fresh:?}");
+}
+
+#[test]
+fn a_sensor_without_a_stated_error_is_no_obstacle() {
+    let places = [[0.05, 0.0], [0.06, 0.0], [0.1, 0.0]];
+    let curve = LvdtCurve::new(&places, 0.0).expect("a curve");
+    for constants in
+        [RigConstants { lvdt_linearity_m: 0.0, ..constants() }, RigConstants { lvdt_curve: Some(curve), ..constants() }]
+    {
+        near(Bench::of(constants, 5.0, 0.01, 9.0).home().load_n, 5.0, 0.1);
+    }
 }

@@ -9,7 +9,12 @@ const ZERO_RAD: f32 = 100.0;
 /// The set-point of strings at a twist (rad) that are to turn at a speed (rad/s) for a second, and whether they are at the end of
 /// their travel then. No tick asks for more than the motor can do.
 fn turned_for_a_second(twist_rad: f32, speed_rad_per_s: f32) -> (Ramp, bool) {
-    let load = hanging(6.0, 0.0, 25.0);
+    turned_with_scale(1.0, twist_rad, speed_rad_per_s)
+}
+
+fn turned_with_scale(twist_scale: f32, twist_rad: f32, speed_rad_per_s: f32) -> (Ramp, bool) {
+    let mut load = hanging(6.0, 0.0, 25.0);
+    load.mechanism.twist_scale = twist_scale;
     let mut shaft = Ramp::at(ZERO_RAD + twist_rad);
     let mut at_end = false;
     for _ in 0..100 {
@@ -49,5 +54,15 @@ fn a_set_point_that_does_not_come_to_an_end_of_travel_is_free() {
         assert!(!turned_for_a_second(twist_rad, -1.0).1);
         let (shaft, at_end) = turned_for_a_second(twist_rad, 1.0);
         assert!(shaft == Ramp::at(ZERO_RAD + twist_rad) && at_end, "{shaft:?}");
+    }
+}
+
+#[test]
+fn thicker_strings_are_twisted_no_further_than_the_table_goes_and_thinner_ones_than_they_stand() {
+    let highest_rad = table().metadata.twist_max_rad;
+    for (twist_scale, end_rad) in [(1.05, highest_rad / 1.05), (0.95, highest_rad)] {
+        let (shaft, at_end) = turned_with_scale(twist_scale, end_rad - 1.0, 16.0);
+        near(shaft.position - ZERO_RAD, end_rad, 5e-3);
+        assert!(at_end, "{twist_scale}");
     }
 }

@@ -206,7 +206,12 @@ fn a_jog_turns_at_its_speed_within_the_strings_range() {
     // A homed rig knows where its strings' range ends, either way.
     bench.home();
     bench.begin(jog(4.0));
-    bench.run(2000);
+    for _ in 0..2000 {
+        let before = bench.speed_rad_per_s;
+        bench.run(1);
+        // It brakes into the end as gently as it sets out.
+        assert!((bench.speed_rad_per_s - before).abs() < 0.3, "{before} {}", bench.speed_rad_per_s);
+    }
     near(bench.twist_rad, table().metadata.twist_max_rad, 0.06);
     assert_eq!((bench.shown().limit, bench.rig.state()), (Some(Limit::Travel), State::Moving));
     bench.begin(jog(-4.0));
@@ -400,4 +405,26 @@ fn a_move_ends_where_the_strings_do_when_its_load_becomes_too_heavy_for_the_targ
     near(bench.twist_rad, table().metadata.twist_max_rad, 0.02);
     let Some(EventKind::MoveDone { error_m }) = bench.events.last() else { panic!("{:?}", bench.events) };
     assert!((-1e-3..-0.1e-3).contains(error_m), "{error_m}");
+}
+
+#[test]
+fn a_scale_that_a_move_has_taught_leaves_the_load_as_certain_as_it_was() {
+    for twist_scale in [0.99, 1.01] {
+        let mut bench = Bench::new(5.0, 0.01, 9.0);
+        let homed_scale = Some(bench.home().twist_scale);
+        bench.twist_scale = twist_scale;
+        bench.settle();
+        bench.run(100);
+        bench.begin(to(0.014, 0.004));
+        let mut before_n = 0.0;
+        while bench.shown().twist_scale == homed_scale {
+            before_n = bench.shown().load_error_n.expect("an error");
+            bench.tick(None);
+        }
+        for _ in 0..60 {
+            bench.tick(None);
+            let error_n = bench.shown().load_error_n.expect("an error");
+            assert!(error_n < before_n + 0.05, "{twist_scale}: {before_n} N, and then {error_n} N");
+        }
+    }
 }

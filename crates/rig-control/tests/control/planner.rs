@@ -57,7 +57,8 @@ fn a_move_takes_the_shortest_time_that_its_limits_allow() {
         let optimum = optimum_s(&SetPoint::at(0.0), distance, &limits);
         let seconds = f64::from(ticks) * TICK;
         assert!(fastest <= speed * 1.001, "{fastest}");
-        assert!((f64::from(limits.duration_s(distance)) / optimum - 1.0).abs() < 1e-3, "{distance}");
+        let told_s = limits.duration_from_s(0.0, distance.abs(), distance.abs() / limits.speed, &limits);
+        assert!((f64::from(told_s) / optimum - 1.0).abs() < 1e-3, "{distance}");
         assert!(seconds > optimum - 1.5 * TICK && seconds < 1.05 * optimum, "{distance}: {seconds} s of {optimum} s");
         assert_eq!(p.step(&limits).position_m, distance);
         worst = worst.max(seconds / optimum);
@@ -99,6 +100,13 @@ fn the_time_from_a_motion_is_the_shortest_whether_or_not_it_passes_the_target() 
         let told = limits.duration_from_s(way.signum() * 0.002, way.abs(), way.abs() / limits.speed, &limits);
         let optimum = optimum_s(&from, way, &limits);
         assert!((f64::from(told) / optimum - 1.0).abs() < 0.01, "{way}: {told} s of {optimum} s");
+    }
+    // A slower move is asked for, whose target is within the way that braking takes.
+    let slow = Limits::new(0.001, 0.02, RISE_S);
+    for way in [0.05e-3f32, 0.15e-3] {
+        let told = slow.duration_from_s(0.002, way, way / slow.speed, &slow);
+        let optimum = optimum_s(&from, way, &slow);
+        assert!((f64::from(told) / optimum - 1.0).abs() < 0.1, "{way}: {told} s of {optimum} s");
     }
 }
 

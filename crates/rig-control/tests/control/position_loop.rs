@@ -204,3 +204,21 @@ fn the_shaft_turns_as_the_motor_can_and_as_far_as_the_strings_go() {
         assert!(!at_end && shaft.speed == -outwards, "back: {shaft:?}");
     }
 }
+
+#[test]
+fn a_load_that_is_left_alone_leaves_nothing_of_what_was_turned_for_it() {
+    let mut load = hanging(10.0, 2.0, 25.0);
+    load.jump_m = 10.4 * load.gap_noise_m;
+    let mut position_loop = PositionLoop::default();
+    // It is approached, until it has crept near enough to be left alone.
+    for noises in [6.0, 4.0] {
+        load.position_m = noises * load.gap_noise_m;
+        (0..9).for_each(|_| drop(position_loop.step(&SetPoint::at(0.0), false, &load)));
+    }
+    let first_tick = |mut position_loop: PositionLoop| {
+        position_loop.compensation.set_out(-1.0);
+        let moves = SetPoint { done: false, ..SetPoint::at(0.0) };
+        position_loop.step(&moves, true, &load).twist_speed_rad_per_s
+    };
+    assert_eq!(first_tick(position_loop), first_tick(PositionLoop::default()));
+}

@@ -61,6 +61,7 @@ impl Guard {
         let disagrees = rig.tracking.as_ref().is_some_and(|tracking| tracking.adaptation.disagrees());
         for (fault, is_found) in [
             (Fault::TickLate, late && state != State::Boot),
+            (Fault::MotorStill, self.shaft.is_unseen(rig, inputs)),
             (Fault::NotHeld, self.shaft.not_held(rig, inputs, self.latched)),
             (Fault::LimitSwitch, self.switches.reached(rig, inputs)),
             (Fault::HostSilent, host_is_silent(inputs, state)),
@@ -94,9 +95,10 @@ impl Guard {
         self.shaft = ShaftChecks::cleared(twist_rad);
     }
 
-    /// Clears the faults and begins again. The count of late ticks goes on.
+    /// Clears the faults and begins again. The count of late ticks goes on, and a switch that was cleared open stays so: the first
+    /// motion away from it starts the drive.
     pub(super) fn restart(&mut self) {
-        *self = Self { timing: self.timing.restarted(), ..Self::default() };
+        *self = Self { timing: self.timing.restarted(), switches: self.switches, ..Self::default() };
     }
 
     /// Gaps and twists mean something else from now on. A switch that was cleared open stays so.

@@ -14,6 +14,11 @@ use rig_link::messages::State;
 /// that is stopped from a fast move of the emulated rig; and how far besides while it turns (s of its speed).
 const LAG_RAD: f32 = 0.8;
 const LAG_S: f32 = 0.25;
+/// Neither encoder input sees the shaft if both counts stay within the first of these (rad) while the set-point turns by the second:
+/// several times what a drive lags before its motor starts, and little enough to end it before the motor is at full speed.
+const UNSEEN_RAD: [f32; 2] = [0.02, 0.2];
+/// Fraction of the current limit that a blocked motor draws at least, and one that turns unseen only while it accelerates.
+const BLOCKED_CURRENT: f32 = 0.5;
 
 /// How far the shaft of a healthy drive may stay behind a set-point that turns at a speed (rad/s), rad.
 pub(in crate::supervisor) fn healthy_lag_rad(speed_rad_per_s: f32) -> f32 {
@@ -30,6 +35,9 @@ pub(in crate::supervisor) struct ShaftChecks {
     pub(in crate::supervisor) still_ticks: u16,
     lag_ticks: u16,
     away_ticks: u16,
+    /// Own and drive's counts when either last moved, and the set-point then (rad).
+    last_seen: Option<([i64; 2], f32)>,
+    unseen_ticks: u16,
     /// Twist beyond which it is out of range again, after a `clear` outside the range (rad).
     cleared_twist_rad: f32,
 }
@@ -55,12 +63,30 @@ impl ShaftChecks {
         self.still_ticks = if own_turns || drive_turns { 0 } else { self.still_ticks.saturating_add(1) };
     }
 
+    /// The set-point turns and neither count moves, though the motor is not blocked: the encoder, which both inputs share, has no
+    /// supply, and the drive turns ever faster after a count that stands; or a motor lead is off.
+    pub(super) fn is_unseen(&mut self, rig: &Controller, inputs: &Inputs) -> bool {
+        let DriveReading::Reports { position_qc, current_ma, .. } = inputs.drive else { return false };
+        let counts = [inputs.encoder_counts, position_qc.into()];
+        let set_point_rad = rig.shaft.position;
+        let (last_counts, last_rad) = *self.last_seen.get_or_insert((counts, set_point_rad));
+        let [still_rad, turned_rad] = UNSEEN_RAD;
+        let still_counts = whole_counts(still_rad * rig.constants.counts_per_rad.abs());
+        let moved = counts.iter().zip(last_counts).any(|(now, then)| (now - then).abs() > still_counts);
+        if moved || !rig.sensing.drive_zero.is_matched() {
+            self.last_seen = Some((counts, set_point_rad));
+        }
+        let blocked = f32::from(current_ma).abs() > BLOCKED_CURRENT * f32::from(rig.constants.current_limit_ma);
+        let turned = (set_point_rad - last_rad).abs() > turned_rad && rig.sensing.drive_zero.is_matched();
+        lasts(&mut self.unseen_ticks, turned && !moved && !blocked, BRIEF_TICKS)
+    }
+
     /// Held by a fault, or by the first command after a start, the shaft has gone away all the same.
     pub(super) fn not_held(&mut self, rig: &Controller, inputs: &Inputs, latched: Latched) -> bool {
         let drive_zero = rig.sensing.drive_zero;
         let by_fault =
             matches!(latched.response(), Some(Response::Hold | Response::HoldByDrive | Response::HoldIfHeard))
-                && drive_zero.is_matched();
+                && drive_zero.offset().is_some();
         let by_start = latched.response().is_none() && matches!(drive_zero, DriveZero::Rough(_));
         let held = rig.closed_loop && (by_fault || by_start);
         let shaft_rad = match (latched.own_encoder_is_wrong(), inputs.drive) {

@@ -36,7 +36,9 @@ const DOWN_RAD: f32 = 0.2;
 
 impl Swept {
     fn gap_m(&self, pull_n: f32, twist_rad: f32) -> f32 {
-        table().point_inside(pull_n, self.twist_scale * twist_rad).gap_m + (self.beside_m)(twist_rad)
+        let inside_n = pull_n.min(table().metadata.load_max_n);
+        let point = table().point_inside(inside_n, self.twist_scale * twist_rad);
+        point.gap_m + (pull_n - inside_n) * point.dgap_dload_m_per_n + (self.beside_m)(twist_rad)
     }
 
     /// Both sweeps, as far as a fraction of them is recorded.
@@ -477,5 +479,17 @@ fn a_wrong_slope_and_a_radius_of_another_growth_are_not_taken_for_another_load()
         for twist_rad in [10.0, 20.0, 30.0] {
             near(mechanism.at(found.load_n, twist_rad).gap_m, swept.gap_m(2.0, twist_rad), 2e-4);
         }
+    }
+}
+
+/// On the way up a heavy load pulls harder than the table reaches, by the friction.
+#[test]
+fn a_load_near_the_heavy_end_is_found_with_its_friction() {
+    for (load_n, friction_n) in [(17.5, 0.6), (17.65, 0.6), (17.8, 0.3)] {
+        let swept = Swept { load_n, friction_n, ..SWEPT };
+        let found = fitted(&mut swept.recorded(LoadChoice::Auto, 1.0)).expect("a load");
+        near(found.load_n, load_n, 1e-3);
+        near(found.friction_n, friction_n, 0.02);
+        assert!(!found.beyond_range, "{load_n}");
     }
 }
