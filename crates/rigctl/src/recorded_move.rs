@@ -146,7 +146,7 @@ pub fn draw(moves: &[(f64, &[Row])]) -> anyhow::Result<String> {
         },
         rows: vec![
             vec![position],
-            vec![panel("Motor speed", "rpm", "", |row| Some(f64::from(row.drive_speed_rad_per_s) * 60.0 / TAU))],
+            vec![panel("Motor speed", "rpm", "", |row| Some(f64::from(row.drive_speed_rad_per_s?) * 60.0 / TAU))],
             vec![panel("Transmission ratio at the estimated load", "rad/mm", time, |row| {
                 Some(f64::from(row.tr_rad_per_m?) * 1e-3)
             })],

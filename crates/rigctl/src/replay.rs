@@ -252,7 +252,7 @@ fn answers(ticks: &[Tick<'_>], homed: &Homed, board: &Board<'_>) -> Vec<Answer> 
         now_us += TICK_US;
         let encoder_counts = (f64::from(twist_rad) * f64::from(constants.counts_per_rad)).round() as i64;
         let gap_m = zero_gap_m - position_m;
-        let rpm = f64::from(row.drive_speed_rad_per_s) * 60.0 / std::f64::consts::TAU;
+        let rpm = f64::from(row.drive_speed_rad_per_s.unwrap_or(0.0)) * 60.0 / std::f64::consts::TAU;
         let inputs = Inputs {
             now_us,
             encoder_counts,
@@ -266,7 +266,7 @@ fn answers(ticks: &[Tick<'_>], homed: &Homed, board: &Board<'_>) -> Vec<Answer> 
                 t_us: now_us,
                 position_qc: encoder_counts as i32,
                 speed_rpm: rpm.round() as i16,
-                current_ma: (f64::from(row.drive_current_a) * 1e3).round() as i16,
+                current_ma: (f64::from(row.drive_current_a.unwrap_or(0.0)) * 1e3).round() as i16,
             },
             drive_stalled: false,
             bus_off: false,
@@ -281,7 +281,7 @@ fn answers(ticks: &[Tick<'_>], homed: &Homed, board: &Board<'_>) -> Vec<Answer> 
         (outputs.drive, outputs.telemetry)
     };
     let Some(first) = ticks.first() else { return Vec::new() };
-    let standing = Row { drive_speed_rad_per_s: 0.0, ..first.row.clone() };
+    let standing = Row { drive_speed_rad_per_s: Some(0.0), ..first.row.clone() };
     for _ in 0..BOOT_TICKS {
         step(&mut rig, PI, first.position_m, &standing, None);
     }

@@ -41,7 +41,7 @@ macro_rules! columns {
 }
 
 // The tension of one string is left out: what it takes of the pull is computed at power-up only.
-columns!(TELEMETRY, telemetry(Row): t_s drive_current_a drive_speed_rad_per_s, perhaps:
+columns!(TELEMETRY, telemetry(Row): t_s, perhaps: drive_current_a drive_speed_rad_per_s
     target_m setpoint_m position_m twist_rad load_n load_error_n position_error_m tr_rad_per_m time_left_s twist_scale gap_m
     encoder_rad supply_v true_position_m true_twist_rad true_load_n);
 columns!(TRUTH, truth(Truth):

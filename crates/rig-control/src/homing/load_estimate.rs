@@ -17,7 +17,7 @@ use crate::mechanism::{Mechanism, bounded_scale};
 use crate::sensors::LVDT_COUNT_M;
 use rig_link::gap_curve::{GapCurve, TERMS};
 use rig_link::messages::{HomingFailure, LoadChoice};
-use tsa_table::{Point, Table};
+use tsa_table::{Point, Table, Uncertainty};
 
 /// Bins over the sweep.
 pub const BINS: usize = 32;
@@ -31,8 +31,8 @@ pub const STEPS: u8 = 10;
 pub const MIN_GAP_ERROR_M: f32 = 0.1 * LVDT_COUNT_M;
 /// Residual (m, rms) that a rig of the scene's kind may leave: the radius laws of docs/explanation/model.md 6 differ by less.
 pub const LAW_GAP_ERROR_M: f32 = 0.2e-3;
-/// Maximum sum of squares of what the fit finds, each as a multiple of its standard error by the scene. Beyond it, rig and
-/// scene contradict each other, and the load is unknown: of a hundred nominal rigs whose radius and LVDT are off as the scene says,
+/// Maximum sum of squares of what the fit finds, each as a multiple of its standard error by the scene; under a given load the square
+/// of what that is off by. Beyond it, rig and scene or weight contradict each other, and the load is unknown: of a hundred nominal rigs whose radius and LVDT are off as the scene says,
 /// one is beyond it.
 const MAX_SURPRISE: f32 = 7.0;
 /// Standard error of a weight that the operator gives, as a fraction of it.
@@ -278,6 +278,20 @@ impl LoadEstimate {
         ]
     }
 
+    /// The square of what a given load (N) is off by from the one that the sweeps would give without it, over its variance. The weight
+    /// is a reading of the logarithm of the load with an information a; the fit with it is off from it by ε and has the variance C,
+    /// so that the fit without it has the variance C' = C/(1 − a C), and is off by ε (1 + a C').
+    fn contradiction(&self, given_n: f32, variance: f32, uncertainty: &Uncertainty) -> f32 {
+        let off = self.unknowns.load_n / given_n - 1.0;
+        let weight = self.unknowns.load_n / (GIVEN_ERROR * given_n);
+        let information = weight * weight;
+        let without = variance / (1.0 - information * variance).max(f32::EPSILON);
+        let off = off * (1.0 + information * without);
+        // The radius law and what the rods remember are no unknowns of the fit.
+        let [law, memory] = [uncertainty.load_shape, uncertainty.rod_memory];
+        off * off / (without + law * law + memory * memory)
+    }
+
     /// What the last step says: with the covariance of the unknowns, by how much the logarithm of the scale must change to make
     /// good, over the sweep, for a growth that is left out, and the rms gap that the fit leaves (m).
     fn result(
@@ -292,18 +306,24 @@ impl LoadEstimate {
         let uncertainty = &m.uncertainty;
         let Unknowns { load_n, twist_scale, offset_m, slope, growth } = self.unknowns;
         // Ten times what the laws that fit the paper's numbers differ by: neither strings nor LVDT are of the scene's kind.
+        let beyond_range = !(m.load_min_n..=m.load_max_n).contains(&wanted_n);
         if residual_m > 10.0 * LAW_GAP_ERROR_M {
-            return Err(HomingFailure::PoorFit);
+            return Err(if beyond_range { HomingFailure::LoadOutOfRange } else { HomingFailure::PoorFit });
         }
-        // How far radius, LVDT and residual are from what the scene says.
-        let surprise = [
-            (twist_scale - self.expected_scale) / (uncertainty.twist_scale * self.expected_scale),
-            offset_m / self.zero_error_m,
-            slope / self.slope_error,
-            growth / uncertainty.twist_scale,
-            residual_m / LAW_GAP_ERROR_M,
-        ];
-        let surprise = surprise.iter().map(|x| x * x).sum::<f32>();
+        let surprise = match self.given {
+            // How far radius, LVDT and residual are from what the scene says.
+            LoadChoice::Auto => [
+                (twist_scale - self.expected_scale) / (uncertainty.twist_scale * self.expected_scale),
+                offset_m / self.zero_error_m,
+                slope / self.slope_error,
+                growth / uncertainty.twist_scale,
+                residual_m / LAW_GAP_ERROR_M,
+            ]
+            .iter()
+            .map(|x| x * x)
+            .sum::<f32>(),
+            LoadChoice::Known(given_n) => self.contradiction(given_n, covariance[0][0], uncertainty),
+        };
         // The scale takes up an error of the radius, but neither an error of how the radius depends on the load nor what the
         // rods remember; under a given load it takes up both.
         let shape = if self.given == LoadChoice::Auto { uncertainty.load_shape } else { 0.0 };
@@ -318,7 +338,7 @@ impl LoadEstimate {
         if wanted_n + margin_n < 0.9 * m.load_min_n || wanted_n - margin_n > 1.1 * m.load_max_n {
             return Err(HomingFailure::LoadOutOfRange);
         }
-        let unknown = surprise > MAX_SURPRISE && self.given == LoadChoice::Auto;
+        let unknown = surprise > MAX_SURPRISE;
         // After homing there is one scale: that which does over the sweep what scale and growth do together.
         let twist_scale = bounded_scale(twist_scale * (1.0 + scale_by_growth * growth));
         let mechanism = Mechanism { table: *table, twist_scale, curve: GapCurve::constant(offset_m) };
@@ -338,7 +358,7 @@ impl LoadEstimate {
         Ok(Weighed {
             apparent_n,
             load_n,
-            beyond_range: !(m.load_min_n..=m.load_max_n).contains(&wanted_n),
+            beyond_range,
             load_sigma_n: if unknown { load_n } else { load_sigma_n },
             twist_scale,
             friction_n: self.friction_n,

@@ -1,9 +1,8 @@
 //! The command to the drive, and what the host is shown, read from the rig after a step.
 
 use super::fault_policy::Response;
-use super::guard::healthy_lag_rad;
+use super::guard::{drive_is_silent, healthy_lag_rad};
 use super::modes::Mode;
-use super::tracking::LoadTracking;
 use super::{Controller, Inputs};
 use crate::sensors::DriveReading;
 use crate::{TICK_S, whole_counts};
@@ -71,22 +70,24 @@ impl Controller {
     /// Telemetry of the tick that these inputs were stepped in.
     pub(super) fn telemetry(&self, inputs: &Inputs) -> Telemetry {
         let (drive_current_a, drive_speed_rad_per_s) = match inputs.drive {
+            DriveReading::Reports { t_us, .. } if drive_is_silent(inputs.now_us, t_us) => (f32::NAN, f32::NAN),
             DriveReading::Reports { speed_rpm, current_ma, .. } => {
                 (f32::from(current_ma) * 1e-3, f32::from(speed_rpm) * (TAU / 60.0))
             }
+            // It gives no torque.
             _ => (0.0, 0.0),
         };
         let planner = self.mode.load_control().map(|control| &control.planner);
         let tracking = self.tracking.as_ref();
-        let observed = tracking.and_then(|tracking| Some((tracking, tracking.observation?)));
         let gap_m = self.sensing.readings.lvdt.gap_m();
+        let observed = tracking.and_then(|tracking| gap_m.and(Some((tracking, tracking.observation?))));
         Telemetry {
             t_us: inputs.now_us,
             state: self.state(),
             fault: self.fault(),
             faults: self.faults(),
             limit: self.limit,
-            doubts: tracking.map_or(Doubts::NONE, LoadTracking::doubts),
+            doubts: tracking.map_or(Doubts::NONE, |tracking| tracking.doubts(gap_m.is_some())),
             target_m: planner.map(|planner| planner.target_m),
             setpoint_m: planner.map(|planner| planner.set_point_m()),
             position_m: tracking.zip(gap_m).map(|(tracking, gap_m)| tracking.homed.found.reference_gap_m - gap_m),

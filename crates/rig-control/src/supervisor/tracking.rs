@@ -94,9 +94,11 @@ impl LoadTracking {
         Some(now.after(AHEAD_S, commanded_rad))
     }
 
-    /// What the observation says against relying on the load.
-    pub(super) fn doubts(&self) -> Doubts {
-        let Some(observation) = &self.observation else { return Doubts::NONE.with(Doubt::LoadUnknown) };
+    /// What the observation says against relying on the load. Without a gap it is an old one.
+    pub(super) fn doubts(&self, has_gap: bool) -> Doubts {
+        let Some(observation) = self.observation.filter(|_| has_gap) else {
+            return Doubts::NONE.with(Doubt::LoadUnknown);
+        };
         let known = observation.confirmed && observation.load_error_n <= UNKNOWN_FRACTION * self.observer.load_n();
         let mut doubts = Doubts::NONE;
         // A homing that ended at the end of the range holds until the load is known to be another one.

@@ -202,6 +202,7 @@ fn a_drive_in_open_loop_that_does_not_hear_loses_its_power() {
     bench.tamper = tamper(|inputs| reports(inputs, |t_us, _, _| *t_us = 0));
     bench.ticks_until_fault(10);
     assert_eq!((bench.rig.fault(), bench.command), (Some(Fault::DriveSilent), DriveCommand::PowerOff));
+    assert!(bench.shown().drive_speed_rad_per_s.is_nan() && bench.shown().drive_current_a.is_nan(), "they are old");
     bench.tamper = None;
     assert_eq!(bench.ask(Request::Clear), Ok(Accepted::Done));
     assert_eq!(bench.command, DriveCommand::RestartOpenLoop);

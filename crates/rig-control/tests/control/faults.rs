@@ -66,6 +66,20 @@ fn strings_outside_their_range_are_a_fault_and_after_a_clear_only_the_way_back_i
 }
 
 #[test]
+fn without_a_gap_neither_position_nor_load_is_known() {
+    let mut bench = holding();
+    assert!(bench.shown().load_n.is_some() && bench.shown().doubts.is_empty());
+    bench.tamper = tamper(|inputs| inputs.lvdt = None);
+    bench.run(20);
+    let shown = bench.shown();
+    assert_eq!((shown.position_m, shown.load_n, shown.load_error_n, shown.tr_rad_per_m), (None, None, None, None));
+    assert_eq!(shown.doubts, Doubts::of(&[Doubt::LoadUnknown]));
+    bench.tamper = None;
+    bench.run(1);
+    assert!(bench.shown().load_n.is_some());
+}
+
+#[test]
 fn each_fault_of_the_lvdt_is_raised_after_eight_ticks_without_a_gap() {
     let code = |mean_code: f32, variance: f32| {
         move |inputs: &mut Inputs| {

@@ -127,8 +127,10 @@ pub fn turn(session: &mut Session, gear: f64) -> Result<[f64; 2], Failure> {
             let twist = |r: &Row| r.twist_rad.map(f64::from);
             let ends = rows.first().and_then(twist).zip(rows.last().and_then(twist));
             way[0] = ends.map_or(0.0, |(from, to)| to - from);
-            way[1] =
-                rows.windows(2).map(|r| (r[1].t_s - r[0].t_s) * f64::from(r[1].drive_speed_rad_per_s) / gear).sum();
+            way[1] = rows
+                .windows(2)
+                .filter_map(|r| Some((r[1].t_s - r[0].t_s) * f64::from(r[1].drive_speed_rad_per_s?) / gear))
+                .sum();
         }
     }
     Ok(way)

@@ -94,12 +94,10 @@ pub struct Row {
     pub position_error_m: Option<f32>,
     /// Transmission ratio at this twist and load.
     pub tr_rad_per_m: Option<f32>,
-    /// Motor current as the drive reports it.
-    #[serde(default)]
-    pub drive_current_a: f32,
+    /// Motor current as the drive reports it; not while it is silent, and so is its speed.
+    pub drive_current_a: Option<f32>,
     /// Speed of the motor shaft as the drive reports it.
-    #[serde(default)]
-    pub drive_speed_rad_per_s: f32,
+    pub drive_speed_rad_per_s: Option<f32>,
     /// Gap by the LVDT, homed or not.
     pub gap_m: Option<f32>,
     /// Rotation of the strings since boot by the own encoder; older logs do not have it.
@@ -122,6 +120,11 @@ pub struct Row {
     pub string_tension_n: Option<f64>,
 }
 
+/// A number that the board knows.
+fn known(number: f32) -> Option<f32> {
+    (!number.is_nan()).then_some(number)
+}
+
 impl Row {
     /// Puts telemetry and truth side by side. `home_gap_m` is the true gap when the rig was homed.
     pub fn new(t_s: f64, telemetry: &Telemetry, truth: Option<&Truth>, home_gap_m: Option<f64>) -> Self {
@@ -141,8 +144,8 @@ impl Row {
             load_at_range_end: None,
             position_error_m: telemetry.position_error_m,
             tr_rad_per_m: telemetry.tr_rad_per_m,
-            drive_current_a: telemetry.drive_current_a,
-            drive_speed_rad_per_s: telemetry.drive_speed_rad_per_s,
+            drive_current_a: known(telemetry.drive_current_a),
+            drive_speed_rad_per_s: known(telemetry.drive_speed_rad_per_s),
             gap_m: telemetry.gap_m,
             encoder_rad: Some(telemetry.shaft_rad),
             supply_v: telemetry.supply_v,

@@ -31,7 +31,7 @@ pub(in crate::supervisor) struct DriveChecks {
 }
 
 /// Whether a report of this time says nothing about now.
-pub(super) fn is_silent(now_us: u64, report_us: u64) -> bool {
+pub(in crate::supervisor) fn is_silent(now_us: u64, report_us: u64) -> bool {
     now_us.saturating_sub(report_us) > OLD_US
 }
 

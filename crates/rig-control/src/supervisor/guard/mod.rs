@@ -19,7 +19,7 @@ mod timing;
 use super::fault_policy::{Latched, POLICY};
 use super::{Controller, EventKind, Events, HOST_SILENT_US, Inputs};
 use drive::DriveChecks;
-pub(super) use drive::supply_off_us;
+pub(super) use drive::{is_silent as drive_is_silent, supply_off_us};
 use gap::GapChecks;
 use load::LoadChecks;
 use rig_link::messages::{Fault, Faults, State};

@@ -493,3 +493,16 @@ fn a_load_near_the_heavy_end_is_found_with_its_friction() {
         assert!(!found.beyond_range, "{load_n}");
     }
 }
+
+/// Twice and half the load, and a load that is off by what a scale may be.
+#[test]
+fn a_given_weight_that_the_sweeps_contradict_leaves_the_load_unknown() {
+    for (load_n, given_n, known) in [(10.0, 5.0, false), (5.0, 10.0, false), (5.0, 5.0, true), (5.0, 5.2, true)] {
+        let swept = Swept { load_n, ..SWEPT };
+        let Ok(found) = fitted(&mut swept.recorded(LoadChoice::Known(given_n), 1.0)) else {
+            assert!(!known, "{given_n} N for {load_n} N");
+            continue;
+        };
+        assert_eq!(found.load_sigma_n < 0.3 * load_n, known, "{given_n} N for {load_n} N: {found:?}");
+    }
+}
