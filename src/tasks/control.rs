@@ -37,8 +37,11 @@ pub async fn run(encoder: Qei<'static, TIM3>, mut switches: Switches, mut leds: 
     let mut longest_tick_us = 0;
     loop {
         ticker.next().await;
-        // A pause for writing flash: the drive holds, and readings are too old to be used.
-        let pause = shared::PAUSE_WANTED.load(Ordering::Acquire) && rig.stands();
+        // A pause for writing flash: the drive holds, and readings are too old to be used. An emergency stop ends it, so that the drive
+        // forgets its target before the stop is released.
+        let estop_open = switches.estop.is_open();
+        let new_stop = estop_open && rig.state() != State::EStop;
+        let pause = shared::PAUSE_WANTED.load(Ordering::Acquire) && rig.stands() && !new_stop;
         shared::PAUSED.store(pause, Ordering::Release);
         if pause {
             shared::alive(Task::Control);
@@ -63,7 +66,7 @@ pub async fn run(encoder: Qei<'static, TIM3>, mut switches: Switches, mut leds: 
             supply: shared::SUPPLY.get(),
             upper_limit_open: switches.upper_limit.is_open(),
             lower_limit_open: switches.lower_limit.is_open(),
-            estop_open: switches.estop.is_open(),
+            estop_open,
             host_heard_us: shared::HOST_HEARD_US.get(),
             request: request.map(|(_, request)| request),
         };

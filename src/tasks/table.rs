@@ -4,7 +4,7 @@
 use crate::flash_store::{self, SharedStore, Store, Unreadable};
 use crate::shared;
 use core::sync::atomic::Ordering;
-use embassy_time::Instant;
+use embassy_time::{Instant, Timer};
 use rig_link::messages::{EventKind, Message, TableParts, TableRefusal};
 use static_cell::ConstStaticCell;
 use tsa_table::record::{RECORD_MAX, RecordError, StoredTable};
@@ -47,6 +47,11 @@ async fn keep(store: &SharedStore, record: &[u8]) -> EventKind {
             let crc = table.table().crc;
             let kept = store.lock().await.write_at_rest(&[(flash_store::TABLE, record)]).await;
             shared::NEW_TABLE.signal(table);
+            // The host is told when the control code has it, so that the board then answers with its hash. It takes a table in the first
+            // tick in which nothing moves.
+            while shared::NEW_TABLE.signaled() {
+                Timer::after_millis(1).await;
+            }
             EventKind::TableStored { crc, kept }
         }
         Err(error) => EventKind::TableRefused(match error {

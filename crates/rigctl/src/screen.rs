@@ -269,8 +269,8 @@ mod tests {
             load_error_n: Some(0.21),
             position_error_m: Some(0.13e-3),
             tr_rad_per_m: Some(2500.0),
-            drive_current_a: Some(0.1),
-            drive_speed_rad_per_s: Some(104.72),
+            drive_current_a: 0.1,
+            drive_speed_rad_per_s: 104.72,
             time_left_s: Some(3.0),
             ..fixtures::telemetry((t_s * 1e6) as u64)
         };

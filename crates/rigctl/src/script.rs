@@ -12,7 +12,7 @@ use std::path::Path;
 /// on without another one.
 const STREAM_REST_S: f64 = 0.1;
 
-const EVENTS: &str = "home [load=auto|L], move P [speed=V|max] [load=auto|L], track FILE, jog V, stop, hold, clear, status, config set NAME VALUE, \
+const EVENTS: &str = "home [load=auto|L], move P [speed=V|max] [load=auto|L], track FILE, jog V, check-direction, stop, hold, clear, status, config set NAME VALUE, \
                       plant KEY=VALUE, fault NAME [off], end";
 
 /// The events and faults of a script, for the help of the commands that play one.

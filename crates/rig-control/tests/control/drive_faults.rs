@@ -239,3 +239,21 @@ fn a_hold_that_a_fault_began_before_the_shaft_has_stood_is_watched() {
     bench.run(10);
     assert_eq!((bench.rig.fault(), bench.command), (Some(Fault::NotHeld), DriveCommand::LetGo));
 }
+
+#[test]
+fn ticks_that_were_missed_and_come_at_once_are_no_encoder_that_fails() {
+    let mut bench = Bench::homed();
+    bench.begin(Request::Jog { twist_speed_rad_per_s: 4.0 });
+    bench.run(100);
+    // The shaft has gone on by 0.4 rad; then ten ticks follow each other in no time, in which neither count moves.
+    let stood = bench.sensors.as_ref().map(|sensors| sensors.shaft_rad * constants().counts_per_rad);
+    let own = stood.expect("a shaft") as i64 + (0.4 * constants().counts_per_rad) as i64;
+    bench.now_us += 90_000;
+    bench.tamper = tamper(move |inputs| {
+        let moved = (own - inputs.encoder_counts) as i32;
+        reports(inputs, |_, position_qc, speed_rpm| (*position_qc, *speed_rpm) = (*position_qc + moved, 0));
+        inputs.encoder_counts = own;
+    });
+    bench.run(10);
+    assert_eq!(bench.rig.faults().iter().collect::<Vec<_>>(), [Fault::TickLate]);
+}

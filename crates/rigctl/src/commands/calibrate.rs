@@ -207,7 +207,7 @@ fn zero(session: &mut Session, lasts: bool, output: &mut Output) -> Result<(), F
     output.object(&json!({"position_before_m": before_m, "position_m": after_m, "position_zero_m": decimal(value),
         "kept": true}))?;
     output.line(format!(
-        "position was {} and is {} now: 0 is {} from where the load hangs at the half-turn pre-twist; kept in flash",
+        "position was {} and is {} now: position 0 is {} above where the load hangs at the half-turn pre-twist; kept in flash",
         shown(before_m),
         shown(after_m),
         shown(value.into())

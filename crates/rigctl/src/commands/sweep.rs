@@ -30,8 +30,8 @@ pub struct Sweep {
     /// Load that hangs on the rail, as weighed (N or kg)
     #[arg(long, value_name = "L", allow_hyphen_values = true, value_parser = load)]
     pub load: f64,
-    /// Heavier load that the rods have just carried (N or kg): such a sweep shows what they remember of it, beside one of the
-    /// same load without it. On an emulated rig it is hung first
+    /// Heavier load that the rods have just carried (N or kg): `identify` compares this sweep with one of the same load without
+    /// --after, and finds what the rods remember. On an emulated rig it is hung on first
     #[arg(long, value_name = "L", allow_hyphen_values = true, value_parser = load)]
     pub after: Option<f64>,
     /// Turns past the half-turn pre-twist

@@ -17,7 +17,7 @@ pub struct Table {
     /// Also write table.json and table.rs into this folder
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
-    /// Let the board at --port make, check, use and keep a table for this scene's constants; home again after it
+    /// Send the table to the board at --port, which checks, uses and keeps it; home again after it
     #[arg(long, conflicts_with = "out")]
     pub board: bool,
 }

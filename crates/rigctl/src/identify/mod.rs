@@ -23,6 +23,7 @@ pub mod plausible;
 pub mod predict;
 
 use crate::statistics::{half_width_factor, rms};
+use crate::units::UM;
 use compete::{Candidate, Competition, compete};
 use correction::{Corrected, corrected};
 use data::Data;
@@ -173,6 +174,14 @@ pub fn identify(scene: &Scene, data: &Data, candidates: &[Candidate]) -> Result<
         Some(Err(why)) => (None, Some(why)),
         None => (None, None),
     };
+    let left_m = correction.as_ref().map_or(residual.rms_m, |found| found.rms_m);
+    if left_m > MOST_LEFT_M {
+        let [left, most] = [left_m, MOST_LEFT_M].map(|m| UM.show(m));
+        return Err(IdentifyError::Apart(format!(
+            "the best law misses the sweeps by {left} rms, and a rig that misses its table by more than {most} is not homed: are the loads \
+             of the sweeps those in their files, and are they all of this actuator?"
+        )));
+    }
     Ok(Identified {
         fit,
         competition,
@@ -190,6 +199,9 @@ pub fn identify(scene: &Scene, data: &Data, candidates: &[Candidate]) -> Result<
         table,
     })
 }
+
+/// What law and correction may miss, rms (m): homing refuses a rig that misses its table by more.
+const MOST_LEFT_M: f64 = 10.0 * rig_control::homing::load_estimate::LAW_GAP_ERROR_M as f64;
 
 /// Under light loads and many turns the strings of some rigs have no equilibrium, or a transmission ratio that no table
 /// follows. The envelope then begins at a heavier load: by how much a limit moves inwards from one attempt to the next, and at most: first the least load, then the turns.

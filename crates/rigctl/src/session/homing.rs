@@ -41,8 +41,13 @@ impl HomeResult {
 
     /// A line for people.
     pub fn text(&self) -> String {
+        let contradicts = if self.load_error_n > self.load_n {
+            "; the load is unknown: what the rig shows contradicts its scene, or the weight that was given"
+        } else {
+            ""
+        };
         format!(
-            "homed in {}: load {}, friction {}, zero twist ± {}",
+            "homed in {}: load {}, friction {}, zero twist ± {}{contradicts}",
             S.show(self.duration_s),
             load_text(self.load_n, self.load_error_n, self.load_at_range_end),
             N.show(self.friction_n),

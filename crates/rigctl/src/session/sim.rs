@@ -66,7 +66,7 @@ pub struct SimOptions {
     /// Let a GDB connect to the emulated board there, for example 127.0.0.1:1234; see emulator/debugger.md
     #[arg(long, global = true, help_heading = HEADING, value_name = "ADDR:PORT")]
     pub gdb: Option<String>,
-    /// Start the emulated board when it has
+    /// The emulated board waits until a GDB has connected
     #[arg(long, global = true, help_heading = HEADING, requires = "gdb")]
     pub gdb_wait: bool,
 }

@@ -66,3 +66,23 @@ fn what_is_unusual_is_said_and_goes_on() {
     assert!(made.status.success() && said.contains("warning") && said.contains("rig.supply_divider"), "{said}");
     assert_eq!(lines(&made).len(), 1, "the warning is not in the table's own output");
 }
+
+#[test]
+fn an_emulated_board_is_sent_the_table_of_the_scene_whatever_its_flash_has() {
+    let flash = file("scenes.flash");
+    let other = Changed::new("k2", "0.13");
+    let default = root().join("scenes/default.toml");
+    for _ in 0..2 {
+        for scene in [text(&other.0), text(&default)] {
+            let homed = rigctl(&["home", "--scene", scene, "--flash", text(&flash)]);
+            assert!(homed.status.success() && error_of(&homed).contains("was sent the table"), "{}", error_of(&homed));
+        }
+    }
+}
+
+#[test]
+fn a_given_weight_that_the_rig_contradicts_is_said() {
+    let homed = rigctl(&["home", "--load", "0.5kg", "--plant", "load=1kg"]);
+    let said = String::from_utf8_lossy(&homed.stdout);
+    assert!(homed.status.success() && said.contains("the load is unknown"), "{said}");
+}

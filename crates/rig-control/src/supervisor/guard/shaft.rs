@@ -25,6 +25,11 @@ pub(in crate::supervisor) fn healthy_lag_rad(speed_rad_per_s: f32) -> f32 {
     LAG_RAD + LAG_S * speed_rad_per_s.abs()
 }
 
+/// Whether the shaft is to follow its set-point.
+fn follows(rig: &Controller) -> bool {
+    rig.sensing.drive_zero.is_matched() && rig.state() != State::Fault
+}
+
 /// What the shaft's checks remember.
 #[derive(Clone, Copy, Debug, Default)]
 pub(in crate::supervisor) struct ShaftChecks {
@@ -73,12 +78,12 @@ impl ShaftChecks {
         let [still_rad, turned_rad] = UNSEEN_RAD;
         let still_counts = whole_counts(still_rad * rig.constants.counts_per_rad.abs());
         let moved = counts.iter().zip(last_counts).any(|(now, then)| (now - then).abs() > still_counts);
-        if moved || !rig.sensing.drive_zero.is_matched() {
+        if moved || !follows(rig) {
             self.last_seen = Some((counts, set_point_rad));
         }
         let blocked = f32::from(current_ma).abs() > BLOCKED_CURRENT * f32::from(rig.constants.current_limit_ma);
-        let turned = (set_point_rad - last_rad).abs() > turned_rad && rig.sensing.drive_zero.is_matched();
-        lasts(&mut self.unseen_ticks, turned && !moved && !blocked, BRIEF_TICKS)
+        let turned = (set_point_rad - last_rad).abs() > turned_rad;
+        lasts(&mut self.unseen_ticks, turned && follows(rig) && !moved && !blocked, BRIEF_TICKS)
     }
 
     /// Held by a fault, or by the first command after a start, the shaft has gone away all the same.
@@ -113,8 +118,7 @@ impl ShaftChecks {
     /// The shaft stays behind its set-point.
     pub(super) fn lags(&mut self, rig: &Controller) -> bool {
         let Controller { shaft, sensing, .. } = rig;
-        let follows = sensing.drive_zero.is_matched() && rig.state() != State::Fault;
         let behind = (shaft.position - sensing.readings.shaft_rad).abs() > healthy_lag_rad(shaft.speed);
-        lasts(&mut self.lag_ticks, behind && follows, SHORT_TICKS)
+        lasts(&mut self.lag_ticks, behind && follows(rig), SHORT_TICKS)
     }
 }
