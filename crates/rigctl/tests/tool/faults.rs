@@ -1,6 +1,6 @@
 //! Every fault that a script can cause, on the real firmware on the emulated board.
 
-use crate::common::{error_of, lines, rigctl};
+use crate::common::{error_of, file, lines, rigctl, text};
 use serde_json::Value;
 
 /// Each time that fault or emergency stop began: when (s), and which.
@@ -64,10 +64,21 @@ fn wrong_wires_are_found_at_the_first_motion() {
             (8.2, 0.8, "motor-still"),
             (13.2, 0.8, "drive-encoder"),
             (18.2, 0.8, "encoder-direction"),
-            (29.0, 3.5, "clock-source"),
+            (31.0, 0.3, "motor-still"),
+            (36.0, 3.5, "clock-source"),
         ],
     );
-    assert_eq!((state_at(&rows, 27.5), state_at(&rows, 39.5)), ("unhomed", "unhomed"));
+    assert_eq!((state_at(&rows, 27.5), state_at(&rows, 46.5)), ("unhomed", "unhomed"));
+}
+
+#[test]
+fn a_stop_that_is_pressed_and_released_while_a_setting_is_written_is_seen() {
+    let script = file("stop-while-writing.script");
+    let lines = "3 config set speed-max 3mm/s\n3.02 fault estop\n3.05 fault estop off\n4 end\n";
+    std::fs::write(&script, lines).expect("written");
+    let played = rigctl(&["sim", "--script", text(&script), "--json"]);
+    let states: Vec<Value> = self::lines(&played).into_iter().map(|row| row["state"].clone()).collect();
+    assert!(states.contains(&"estop".into()), "{}", error_of(&played));
 }
 
 #[test]
