@@ -213,7 +213,9 @@ fn a_load_that_is_left_alone_leaves_nothing_of_what_was_turned_for_it() {
     // It is approached, until it has crept near enough to be left alone.
     for noises in [6.0, 4.0] {
         load.position_m = noises * load.gap_noise_m;
-        (0..9).for_each(|_| drop(position_loop.step(&SetPoint::at(0.0), false, &load)));
+        for _ in 0..9 {
+            position_loop.step(&SetPoint::at(0.0), false, &load);
+        }
     }
     let first_tick = |mut position_loop: PositionLoop| {
         position_loop.compensation.set_out(-1.0);
