@@ -23,7 +23,7 @@ pub mod plausible;
 pub mod predict;
 
 use crate::statistics::{half_width_factor, rms};
-use crate::units::UM;
+use crate::units::MM;
 use compete::{Candidate, Competition, compete};
 use correction::{Corrected, corrected};
 use data::Data;
@@ -176,7 +176,7 @@ pub fn identify(scene: &Scene, data: &Data, candidates: &[Candidate]) -> Result<
     };
     let left_m = correction.as_ref().map_or(residual.rms_m, |found| found.rms_m);
     if left_m > MOST_LEFT_M {
-        let [left, most] = [left_m, MOST_LEFT_M].map(|m| UM.show(m));
+        let [left, most] = [left_m, MOST_LEFT_M].map(|m| MM.show(m));
         return Err(IdentifyError::Apart(format!(
             "the best law misses the sweeps by {left} rms, and a rig that misses its table by more than {most} is not homed: are the loads \
              of the sweeps those in their files, and are they all of this actuator?"

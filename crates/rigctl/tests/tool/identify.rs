@@ -411,6 +411,10 @@ fn sweeps_that_do_not_belong_together_are_named() {
     assert!(mistyped.contains("hung-10:") && mistyped.contains("what hung there"), "{mistyped}");
     let steeper = refused(|k, turns, gap| (0.0, if k == 2 { gap - 4e-5 * turns * turns } else { gap })).unwrap_err();
     assert!(steeper.contains("hung-5:"), "{steeper}");
+    // The loads of the lightest and the heaviest sweep are swapped: no law is near.
+    let swapped = [HUNG[4], 0.0, 0.0, 0.0, HUNG[0]];
+    let swapped = refused(|k, _, gap| (swapped[k], gap)).unwrap_err();
+    assert!(swapped.contains("the loads of the sweeps"), "{swapped}");
     assert_eq!(refused(|_, _, gap| (0.0, gap)), Ok(()));
 }
 
