@@ -32,8 +32,8 @@ pub const MIN_GAP_ERROR_M: f32 = 0.1 * LVDT_COUNT_M;
 /// Residual (m, rms) that a rig of the scene's kind may leave: the radius laws of docs/explanation/model.md 6 differ by less.
 pub const LAW_GAP_ERROR_M: f32 = 0.2e-3;
 /// Maximum sum of squares of what the fit finds, each as a multiple of its standard error by the scene; under a given load the square
-/// of what that is off by. Beyond it, rig and scene or weight contradict each other, and the load is unknown: of a hundred nominal rigs whose radius and LVDT are off as the scene says,
-/// one is beyond it.
+/// of what that load is off by. Beyond it, the rig contradicts its scene or that weight, and the load is unknown. Of a hundred nominal
+/// rigs whose radius and LVDT are off as the scene says, one is beyond it.
 const MAX_SURPRISE: f32 = 7.0;
 /// Standard error of a weight that the operator gives, as a fraction of it.
 const GIVEN_ERROR: f32 = 0.005;
@@ -278,9 +278,9 @@ impl LoadEstimate {
         ]
     }
 
-    /// The square of what a given load (N) is off by from the one that the sweeps would give without it, over its variance. The weight
-    /// is a reading of the logarithm of the load with an information a; the fit with it is off from it by ε and has the variance C,
-    /// so that the fit without it has the variance C' = C/(1 − a C), and is off by ε (1 + a C').
+    /// By how much a given load (N) differs from the load that the sweeps show without it: the square of the difference of their
+    /// logarithms over its variance. The given load is a reading with an information a. The fit with it differs from it by ε, and its
+    /// load has the variance C. Without it the variance would be C' = C/(1 − a C), and the difference ε (1 + a C').
     fn contradiction(&self, given_n: f32, variance: f32, uncertainty: &Uncertainty) -> f32 {
         let off = self.unknowns.load_n / given_n - 1.0;
         let weight = self.unknowns.load_n / (GIVEN_ERROR * given_n);
@@ -305,8 +305,8 @@ impl LoadEstimate {
         let m = &table.metadata;
         let uncertainty = &m.uncertainty;
         let Unknowns { load_n, twist_scale, offset_m, slope, growth } = self.unknowns;
-        // Ten times what the laws that fit the paper's numbers differ by: neither strings nor LVDT are of the scene's kind.
         let beyond_range = !(m.load_min_n..=m.load_max_n).contains(&wanted_n);
+        // Ten times what the laws that fit the paper's numbers differ by: neither strings nor LVDT are of the scene's kind.
         if residual_m > 10.0 * LAW_GAP_ERROR_M {
             return Err(if beyond_range { HomingFailure::LoadOutOfRange } else { HomingFailure::PoorFit });
         }

@@ -56,6 +56,8 @@ const fn row(fault: Fault, response: Response, after: After, explains: &[Fault])
 
 /// Faults of the rig's own encoder: one of them shows itself in the others' checks as well.
 const ENCODER: [Fault; 3] = [Fault::EncoderStuck, Fault::EncoderJump, Fault::EncoderDisagrees];
+/// The drive cannot be told anything.
+pub(super) const UNHEARD: Faults = Faults::of(&[Fault::CanBusOff, Fault::DriveSilent]);
 /// What looks wrong when control ticks are missing.
 const MISSED: [Fault; 8] = [
     Fault::EncoderStuck,
@@ -158,11 +160,6 @@ impl Latched {
     /// Whether one of them says that the own encoder is wrong.
     pub fn own_encoder_is_wrong(self) -> bool {
         self.all.meets(Faults::of(&ENCODER))
-    }
-
-    /// Whether one of them says that the drive cannot be reached.
-    pub fn drive_is_unheard(self) -> bool {
-        self.all.meets(Faults::of(&[Fault::CanBusOff, Fault::DriveSilent]))
     }
 
     /// Latches a fault.

@@ -1,6 +1,6 @@
 //! The command to the drive, and what the host is shown, read from the rig after a step.
 
-use super::fault_policy::Response;
+use super::fault_policy::{Response, UNHEARD};
 use super::guard::{drive_is_silent, healthy_lag_rad};
 use super::modes::Mode;
 use super::{Controller, Inputs};
@@ -22,9 +22,8 @@ impl Controller {
             // connected again must find no old target.
             (Mode::EStop { closing: true, .. }, _) => DriveCommand::LetGo,
             (Mode::EStop { .. }, _) => DriveCommand::PowerOff,
-            // A drive that cannot be told to stop, and turns: by its last voltage, or away from where it should hold.
-            (_, Some(Response::LetGo)) if self.guard.latched.drive_is_unheard() => DriveCommand::PowerOff,
-            (_, Some(Response::HoldIfHeard)) if !self.closed_loop => DriveCommand::PowerOff,
+            // It cannot be told to let go.
+            (_, Some(Response::LetGo)) if self.guard.latched.all.meets(UNHEARD) => DriveCommand::PowerOff,
             (_, Some(Response::LetGo)) => DriveCommand::LetGo,
             _ if restart && self.closed_loop => DriveCommand::Restart,
             _ if restart => DriveCommand::RestartOpenLoop,

@@ -192,16 +192,21 @@ fn a_set_point_that_turns_while_neither_count_does_is_let_go_before_the_drive_ha
 }
 
 #[test]
-fn a_drive_in_open_loop_that_does_not_hear_loses_its_power() {
+fn a_drive_that_turns_the_motor_by_a_voltage_and_does_not_hear_loses_its_power() {
     let mut bench = Bench::new(5.0, 0.01, 9.0);
     bench.while_in(State::Boot);
+    // One that only brakes it goes on with that.
+    let mut braking = bench.clone();
+    braking.tamper = tamper(|inputs| reports(inputs, |t_us, _, _| *t_us = 0));
+    braking.ticks_until_fault(10);
+    assert_eq!((braking.rig.fault(), braking.command), (Some(Fault::DriveSilent), DriveCommand::Voltage { pwm: 0 }));
     bench.begin(Request::HOME);
     while !matches!(bench.command, DriveCommand::Voltage { pwm: 1.. }) {
         bench.tick(None);
     }
     bench.tamper = tamper(|inputs| reports(inputs, |t_us, _, _| *t_us = 0));
     bench.ticks_until_fault(10);
-    assert_eq!((bench.rig.fault(), bench.command), (Some(Fault::DriveSilent), DriveCommand::PowerOff));
+    assert_eq!((bench.rig.fault(), bench.command), (Some(Fault::NotHeld), DriveCommand::PowerOff));
     assert!(bench.shown().drive_speed_rad_per_s.is_nan() && bench.shown().drive_current_a.is_nan(), "they are old");
     bench.tamper = None;
     assert_eq!(bench.ask(Request::Clear), Ok(Accepted::Done));

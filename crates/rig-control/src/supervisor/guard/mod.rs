@@ -16,7 +16,8 @@ mod shaft;
 mod switches;
 mod timing;
 
-use super::fault_policy::{Latched, POLICY};
+use super::fault_policy::{Latched, POLICY, UNHEARD};
+use super::modes::Mode;
 use super::{Controller, EventKind, Events, HOST_SILENT_US, Inputs};
 use drive::DriveChecks;
 pub(super) use drive::{is_silent as drive_is_silent, supply_off_us};
@@ -58,11 +59,13 @@ impl Guard {
             return Faults::NONE;
         }
         let mut found = self.drive.faults(rig, inputs, self.shaft.moved_counts, tick_s);
+        // It keeps the voltage that the check of the directions turns the motor by.
+        let turns_unheard = found.meets(UNHEARD) && matches!(rig.mode, Mode::Proving(_));
         let disagrees = rig.tracking.as_ref().is_some_and(|tracking| tracking.adaptation.disagrees());
         for (fault, is_found) in [
             (Fault::TickLate, late && state != State::Boot),
             (Fault::MotorStill, self.shaft.is_unseen(rig, inputs)),
-            (Fault::NotHeld, self.shaft.not_held(rig, inputs, self.latched)),
+            (Fault::NotHeld, self.shaft.not_held(rig, inputs, self.latched) || turns_unheard),
             (Fault::LimitSwitch, self.switches.reached(rig, inputs)),
             (Fault::HostSilent, host_is_silent(inputs, state)),
             (Fault::TwistRange, self.shaft.twist_is_outside(rig)),
