@@ -79,7 +79,8 @@ def test_telemetry_says_what_homing_found_in_words() -> None:
         bench.home()
         now = bench.telemetry()
         words[load] = (now["load_at_range_end"][0], now["homing_failure"][0])
-    assert words == {"0.07kg": ("low", ""), "0.5kg": ("", ""), "2.0kg": ("high", ""), "4.0kg": ("", "load-out-of-range")}
+    beyond = ("", "load-out-of-range")
+    assert words == {"0.07kg": ("low", ""), "0.5kg": ("", ""), "2.0kg": ("high", ""), "4.0kg": beyond}
     assert "load is 500" in bench.home(load_n=500.0)["error"][0]
     assert bench.telemetry()["homing_failure"][0] == "load-out-of-range", "no homing has begun since"
 
