@@ -37,8 +37,8 @@ pub async fn run(encoder: Qei<'static, TIM3>, mut switches: Switches, mut leds: 
     let mut longest_tick_us = 0;
     loop {
         ticker.next().await;
-        // A pause for writing flash: the drive holds, and readings are too old to be used. An emergency stop ends it, so that the drive
-        // forgets its target before the stop is released.
+        // A pause for writing flash: the drive holds, and readings are too old to be used. An emergency stop interrupts it for a tick,
+        // in which the drive is told to forget its target.
         let estop_open = switches.estop.is_open();
         let new_stop = estop_open && rig.state() != State::EStop;
         let pause = shared::PAUSE_WANTED.load(Ordering::Acquire) && rig.stands() && !new_stop;

@@ -64,7 +64,7 @@ pub struct Telemetry {
     pub position_error_m: Option<f32>,
     /// Transmission ratio at this twist and load (rad/m).
     pub tr_rad_per_m: Option<f32>,
-    /// Motor current as the drive reports it (A); not a number while it is silent, and so is its speed.
+    /// Motor current as the drive reports it (A). While the drive is silent, it and the speed are NaN.
     pub drive_current_a: f32,
     /// Speed of the motor shaft, before the gear (rad/s).
     pub drive_speed_rad_per_s: f32,

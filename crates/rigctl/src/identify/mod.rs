@@ -178,7 +178,7 @@ pub fn identify(scene: &Scene, data: &Data, candidates: &[Candidate]) -> Result<
     if left_m > MOST_LEFT_M {
         let [left, most] = [left_m, MOST_LEFT_M].map(|m| MM.show(m));
         return Err(IdentifyError::Apart(format!(
-            "the best law misses the sweeps by {left} rms, and a rig that misses its table by more than {most} is not homed: are the loads \
+            "the best law misses the sweeps by {left} rms, and homing refuses a rig that misses its table by more than {most}: are the loads \
              of the sweeps those in their files, and are they all of this actuator?"
         )));
     }

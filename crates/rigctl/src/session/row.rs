@@ -94,7 +94,7 @@ pub struct Row {
     pub position_error_m: Option<f32>,
     /// Transmission ratio at this twist and load.
     pub tr_rad_per_m: Option<f32>,
-    /// Motor current as the drive reports it; not while it is silent, and so is its speed.
+    /// Motor current as the drive reports it; `None` while the drive is silent.
     pub drive_current_a: Option<f32>,
     /// Speed of the motor shaft as the drive reports it.
     pub drive_speed_rad_per_s: Option<f32>,
@@ -120,7 +120,7 @@ pub struct Row {
     pub string_tension_n: Option<f64>,
 }
 
-/// A number that the board knows.
+/// A number of the board's, which sends NaN for what it does not know.
 fn known(number: f32) -> Option<f32> {
     (!number.is_nan()).then_some(number)
 }

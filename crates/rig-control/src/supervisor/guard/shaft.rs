@@ -17,7 +17,7 @@ const LAG_S: f32 = 0.25;
 /// Neither encoder input sees the shaft if both counts stay within the first of these (rad) while the set-point turns by the second:
 /// several times what a drive lags before its motor starts, and little enough to end it before the motor is at full speed.
 const UNSEEN_RAD: [f32; 2] = [0.02, 0.2];
-/// Fraction of the current limit that a blocked motor draws at least, and one that turns unseen only while it accelerates.
+/// A blocked motor draws more than this fraction of the current limit. A motor that turns unseen draws it only while it accelerates.
 const BLOCKED_CURRENT: f32 = 0.5;
 
 /// How far the shaft of a healthy drive may stay behind a set-point that turns at a speed (rad/s), rad.
