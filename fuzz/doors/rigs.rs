@@ -64,7 +64,11 @@ pub fn control(data: &[u8]) {
             drive,
             drive_stalled: chunk[14] & 16 != 0 && chunk[12] == 0,
             bus_off: chunk[14] & 128 != 0 && chunk[12] == 1,
-            supply: (chunk[14] & 128 != 0).then_some(SupplyReading { t_us: now_us, volts: value }),
+            supply: (chunk[14] & 128 != 0).then_some(SupplyReading {
+                t_us: now_us,
+                volts: Some(value),
+                on_motor: f32::from(word(4) as i16) / 5000.0,
+            }),
             upper_limit_open: chunk[14] & 128 != 0 && chunk[12] == 2,
             lower_limit_open: chunk[14] & 128 != 0 && chunk[12] == 3,
             estop_open: chunk[14] & 32 != 0 && chunk[13] == 0,

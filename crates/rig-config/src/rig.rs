@@ -130,6 +130,7 @@ impl RigConfig {
             motor_speed_max_rad_per_s: self.motor_speed_max_rad_per_s as f32,
             motor_acceleration_max_rad_per_s2: self.motor_acceleration_max_rad_per_s2 as f32,
             motor_torque_constant_nm_per_a: self.motor_torque_constant_nm_per_a as f32,
+            motor_resistance_ohm: self.motor_resistance_ohm as f32,
             current_limit_ma: self.drive_current_limit_ma(),
             loop_gain: 1.0,
             lvdt_gap_at_code_zero_m: self.lvdt_gap_at_code_zero_m() as f32,

@@ -38,6 +38,8 @@ pub struct RigConstants {
     pub motor_acceleration_max_rad_per_s2: f32,
     /// Motor torque for each ampere (N m/A).
     pub motor_torque_constant_nm_per_a: f32,
+    /// Resistance of the motor's winding (Ω).
+    pub motor_resistance_ohm: f32,
     /// Current limit sent with every command (mA).
     pub current_limit_ma: i16,
     /// Fraction of the position loop's feedback that is used: what the settings say.
@@ -153,6 +155,7 @@ pub(crate) mod tests {
         motor_speed_max_rad_per_s: 1047.0,
         motor_acceleration_max_rad_per_s2: 12_000.0,
         motor_torque_constant_nm_per_a: 0.0229,
+        motor_resistance_ohm: 10.0,
         current_limit_ma: 500,
         loop_gain: 1.0,
         lvdt_gap_at_code_zero_m: 0.01,

@@ -127,6 +127,7 @@ mod tests {
             gear_ratio: 60.0,
             motor_speed_max_rad_per_s: 1000.0,
             motor_torque_constant_nm_per_a: 0.02,
+            motor_resistance_ohm: 10.0,
             ..crate::constants::tests::RIG
         };
         // Half a kilogram on 1 N/mm swings at 44 rad/s.

@@ -82,13 +82,15 @@ pub enum DriveReading {
     },
 }
 
-/// Supply of the drive, as its analog input sees it.
+/// Supply of the drive, and what it puts on the motor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SupplyReading {
     /// When it was reported (µs since boot).
     pub t_us: u64,
-    /// Voltage (V).
-    pub volts: f32,
+    /// Voltage of the supply (V), as the analog input sees it; `None` where that is not wired.
+    pub volts: Option<f32>,
+    /// Voltage on the motor, as a fraction of the supply. It is only indicative (crates/rmds405/README.md 2.4).
+    pub on_motor: f32,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -221,8 +223,7 @@ impl Conversation {
     }
 
     fn restart(&mut self, now_us: u64, mode: Mode) -> Option<Frame> {
-        let mixed_ms = if self.supply_divider.is_some() { SUPPLY_MS } else { 0 };
-        let start_up = StartUp::new(self.address, mode, FEEDBACK_MS, mixed_ms);
+        let start_up = StartUp::new(self.address, mode, FEEDBACK_MS, SUPPLY_MS);
         self.enter(Phase::Started { start_up, mode, ready: false }, DriveReading::Starting);
         let reset = self.start(now_us, None);
         self.motor_power = true;
@@ -263,9 +264,11 @@ impl Conversation {
             }
             Report::Error(_) => self.stalled = true,
             Report::Mixed(mixed) => {
-                // Older drives do not report the analog input; where it is not wired its value has no meaning.
-                if let (Some(rest), Some(divider)) = (mixed.rest, self.supply_divider) {
-                    self.supply = Some(SupplyReading { t_us, volts: f32::from(rest.asin_mv) * 1e-3 * divider });
+                // Older drives do not report it.
+                if let Some(rest) = mixed.rest {
+                    let volts = self.supply_divider.map(|divider| f32::from(rest.asin_mv) * 1e-3 * divider);
+                    let on_motor = f32::from(rest.pwm.get()) / f32::from(Pwm::MAX.get());
+                    self.supply = Some(SupplyReading { t_us, volts, on_motor });
                 }
             }
             Report::Online => {}
@@ -397,7 +400,7 @@ mod tests {
     #[test]
     fn the_supply_is_the_analog_input_times_the_divider() {
         let mixed = |asin_mv| {
-            let rest = Some(MixedRest { dsin: false, asin_mv, chz: false, pwm: Pwm::default() });
+            let rest = Some(MixedRest { dsin: false, asin_mv, chz: false, pwm: Pwm::new(-1250).unwrap() });
             Report::Mixed(Mixed { ctl1: false, ctl2: false, rest })
         };
         let (mut c, t) = ready();
@@ -405,7 +408,8 @@ mod tests {
         c.hear(t + 1, mixed(2000));
         let supply = c.supply().unwrap();
         assert_eq!(supply.t_us, t + 1);
-        assert!((supply.volts - 24.0).abs() < 1e-4, "2000 mV behind a divider by 12: {} V", supply.volts);
+        assert!((supply.volts.unwrap() - 24.0).abs() < 1e-4, "2000 mV behind a divider by 12: {supply:?}");
+        assert_eq!(supply.on_motor, -0.25);
         // An older drive does not report it.
         c.hear(t + 2, Report::Mixed(Mixed { ctl1: false, ctl2: false, rest: None }));
         assert_eq!(c.supply(), Some(supply));

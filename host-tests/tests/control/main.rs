@@ -2,6 +2,7 @@
 //! What needs no plant is in `crates/rig-control/tests/`.
 
 mod estop;
+mod hazards;
 mod homing;
 mod load;
 mod moving;

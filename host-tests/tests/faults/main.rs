@@ -9,7 +9,7 @@ mod pairs;
 use cases::*;
 use host_tests::{ControlBench, constants, scene, table};
 use rig_control::supervisor::fault_policy::{After, Response, policy};
-use rig_control::{Controller, DriveCommand};
+use rig_control::{Controller, DriveCommand, DriveReading};
 use rig_link::messages::{Doubt, EventKind, Fault, Limit, Parameter, Refusal, Request, State};
 use rig_plant::RigFault;
 
@@ -116,12 +116,16 @@ fn the_twist_range_clips_and_outside_it_is_a_fault_with_the_way_back_free() {
     assert_eq!(d.control.fault(), None, "at the limit is not outside");
     d.tick(Some(Request::Stop));
     d.run(0.5);
-    // The shaft is turned on by a hand, by 20 000 counts within 0.1 s: encoder and drive both see it.
+    // The shaft is turned on by a hand, by 20 000 counts within 0.1 s: encoder and drive both see it, and the drive draws what it may
+    // against it.
     let start_us = (d.time_s() * 1e6) as u64;
     tamper(&mut d, move |i| {
         let turned = (i.now_us.saturating_sub(start_us) as f64 * 0.2).min(20_000.0);
         i.encoder_counts += turned as i64;
         drive_position(i, |position_qc| *position_qc += turned as i32);
+        if let DriveReading::Reports { current_ma, .. } = &mut i.drive {
+            *current_ma = constants().current_limit_ma;
+        }
     });
     assert!(d.until(0.5, |d| d.control.fault() == Some(Fault::TwistRange)), "{:?}", d.control.fault());
     d.run(1.0);

@@ -100,7 +100,7 @@ fn tick() -> (Spread, State) {
             },
             drive_stalled: false,
             bus_off: false,
-            supply: Some(SupplyReading { t_us: now_us, volts: 24.0 }),
+            supply: Some(SupplyReading { t_us: now_us, volts: Some(24.0), on_motor: 0.0 }),
             upper_limit_open: false,
             lower_limit_open: false,
             estop_open: false,

@@ -106,7 +106,7 @@ impl Controller {
             twist_scale: tracking.map(|tracking| tracking.homed.found.twist_scale),
             gap_m,
             shaft_rad: self.sensing.readings.shaft_rad,
-            supply_v: inputs.supply.map(|supply| supply.volts),
+            supply_v: inputs.supply.and_then(|supply| supply.volts),
         }
     }
 
@@ -119,7 +119,7 @@ impl Controller {
                 DriveReading::Reports { position_qc, .. } => Some(position_qc as f32 / self.constants.counts_per_rad),
                 _ => None,
             },
-            supply_v: inputs.supply.map(|supply| supply.volts),
+            supply_v: inputs.supply.and_then(|supply| supply.volts),
             estop_open: inputs.estop_open,
             upper_limit_open: inputs.upper_limit_open,
             lower_limit_open: inputs.lower_limit_open,

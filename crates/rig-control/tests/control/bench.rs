@@ -266,14 +266,22 @@ impl Bench {
         }
         let gap_m = self.measured_gap_m + self.offset_m + self.noise_m * self.noise();
         let mean_code = self.constants.lvdt_mean_code(gap_m);
+        let drive = self.reading();
+        let motor_v = match drive {
+            DriveReading::Reports { speed_rpm, current_ma, .. } => {
+                f32::from(current_ma) * 1e-3 * self.constants.motor_resistance_ohm
+                    + f32::from(speed_rpm) * (TAU / 60.0) * self.constants.motor_torque_constant_nm_per_a
+            }
+            _ => 0.0,
+        };
         let mut inputs = Inputs {
             now_us: self.now_us,
             encoder_counts: self.counts(),
             lvdt: Some(LvdtBlock { t_us: self.now_us - BLOCK_AGE_US, mean_code, variance: 1.0 }),
-            drive: self.reading(),
+            drive,
             drive_stalled: false,
             bus_off: false,
-            supply: Some(SupplyReading { t_us: self.now_us, volts: 24.0 }),
+            supply: Some(SupplyReading { t_us: self.now_us, volts: Some(24.0), on_motor: motor_v / 24.0 }),
             upper_limit_open: false,
             lower_limit_open: false,
             estop_open: false,

@@ -27,7 +27,7 @@ fn the_supply_must_be_off_in_two_reports() {
     let volts = |volts: f32, age_us: u64| {
         move |inputs: &mut Inputs| {
             let Some(supply) = &mut inputs.supply else { return };
-            (supply.volts, supply.t_us) = (volts, supply.t_us - age_us);
+            (supply.volts, supply.t_us) = (Some(volts), supply.t_us - age_us);
         }
     };
     let [min, max] = constants().supply_limits_v;
@@ -40,7 +40,7 @@ fn the_supply_must_be_off_in_two_reports() {
         let Some(supply) = &mut inputs.supply else { return };
         let newest = inputs.now_us / 50_000;
         let report = newest - u64::from(newest % 4 == 1);
-        (supply.t_us, supply.volts) = (50_000 * report, if report.is_multiple_of(4) { 0.0 } else { 24.0 });
+        (supply.t_us, supply.volts) = (50_000 * report, Some(if report.is_multiple_of(4) { 0.0 } else { 24.0 }));
     };
     assert_eq!(fault_of(one_lost), None);
     // Two, between which the drive was silent.
@@ -184,10 +184,50 @@ fn a_set_point_that_turns_while_neither_count_does_is_let_go_before_the_drive_ha
             (inputs.encoder_counts, *speed_rpm, *drawn_ma) = (own, 0, current_ma);
         });
         let (ticks, fault) = bench.ticks_until_fault(200).expect("a fault");
-        // 0.2 rad at 2 rad/s, and 80 ms.
-        assert_eq!((fault, ticks < 22), (expected, expected == Fault::MotorStill), "after {ticks} ticks");
+        // 0.05 rad at 2 rad/s, and 80 ms.
+        assert_eq!((fault, ticks < 14), (expected, expected == Fault::MotorStill), "after {ticks} ticks");
         let let_go = bench.command == DriveCommand::LetGo;
         assert_eq!(let_go, expected == Fault::MotorStill, "{:?}", bench.command);
+    }
+}
+
+/// A shaft that stands, homed or held by a fault, and a drive that reports a voltage on the motor of which its current explains a part.
+#[test]
+fn a_motor_that_turns_by_its_voltage_while_no_count_moves_is_let_go_also_at_rest() {
+    // 0.1 A through 10 Ω is 1 V, 0.04 of 24 V; a quarter of the maximum speed induces 6 V.
+    for (on_motor, current_ma, age_us, let_go) in [
+        (0.35, 100, 0, true),
+        (-0.35, -100, 0, true),
+        (0.25, 100, 0, false),
+        (0.35, 300, 0, false),
+        (0.35, 100, 200_000, false),
+    ] {
+        for fault in [None, Some(Fault::HostSilent)] {
+            let mut bench = Bench::homed();
+            if fault.is_some() {
+                bench.begin(Request::Jog { twist_speed_rad_per_s: 0.1 });
+                bench.host_alive = false;
+                bench.ticks_until_fault(100);
+                bench.host_alive = true;
+                bench.run(50);
+            }
+            bench.tamper = tamper(move |inputs| {
+                if let (DriveReading::Reports { current_ma: drawn_ma, .. }, Some(supply)) =
+                    (&mut inputs.drive, &mut inputs.supply)
+                {
+                    *drawn_ma = current_ma;
+                    (supply.on_motor, supply.t_us) = (on_motor, supply.t_us - age_us);
+                }
+            });
+            bench.run(10);
+            let expected = if let_go { Some(Fault::MotorStill) } else { fault };
+            assert_eq!(
+                bench.rig.fault(),
+                expected,
+                "{on_motor} of the supply, {current_ma} mA, {age_us} us, {fault:?}"
+            );
+            assert_eq!(bench.command == DriveCommand::LetGo, let_go);
+        }
     }
 }
 

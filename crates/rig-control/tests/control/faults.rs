@@ -44,8 +44,13 @@ fn strings_outside_their_range_are_a_fault_and_after_a_clear_only_the_way_back_i
     }
     bench.ask(Request::Stop).expect("it jogs");
     bench.run(50);
-    // The drive has no strength against the hand that turns the strings to so far (rad) beyond their range.
+    // All that the drive may draw has no strength against the hand that turns the strings to so far (rad) beyond their range.
     bench.drive_lag_s = f32::INFINITY;
+    bench.tamper = tamper(|inputs| {
+        if let DriveReading::Reports { current_ma, .. } = &mut inputs.drive {
+            *current_ma = constants().current_limit_ma;
+        }
+    });
     let turned = |bench: &mut Bench, beyond_rad: f32| {
         let way_rad = table().metadata.twist_max_rad + beyond_rad - bench.twist_rad;
         for _ in 0..20 {

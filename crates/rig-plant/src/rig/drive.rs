@@ -116,6 +116,8 @@ pub struct Sensed {
     pub reported_current_a: f64,
     /// Supply voltage, V.
     pub supply_v: f64,
+    /// Voltage on the motor's leads, V.
+    pub bridge_v: f64,
     /// The bridge had no more voltage to give.
     pub saturated: bool,
 }
@@ -293,7 +295,8 @@ impl Drive {
             // The PWM limit is 0 until the first data (V-FAQ p20); that the motor then coasts is assumed.
             _ => Bridge::Open,
         };
-        self.pwm = self.pwm_of(bridge, sensed);
+        let full = f64::from(Pwm::MAX.get());
+        self.pwm = (sensed.bridge_v / sensed.supply_v * full).clamp(-full, full) as i16;
         if now_s >= ready_s {
             self.report(now_s, sensed);
         }
@@ -386,17 +389,6 @@ impl Drive {
     /// The position as the wire carries it: it wraps at 32 bits.
     fn position(&self) -> QuadCounts {
         QuadCounts((self.last_counts - self.zero_counts) as i32)
-    }
-
-    fn pwm_of(&self, bridge: Bridge, sensed: Sensed) -> i16 {
-        let full = f64::from(Pwm::MAX.get());
-        let fraction = match bridge {
-            Bridge::Voltage(volts) => volts / sensed.supply_v,
-            // Only indicative (V-CAN p21): the fraction of the voltage bound that a regulator asks for.
-            Bridge::Current { amps, .. } if sensed.saturated => 1.0_f64.copysign(amps),
-            _ => 0.0,
-        };
-        (fraction * full).clamp(-full, full) as i16
     }
 
     fn send(&mut self, at_s: f64, report: &Report) {

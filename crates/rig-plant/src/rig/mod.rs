@@ -423,15 +423,21 @@ impl EmulatedRig {
         let ticks = self.steps / STEPS_PER_TICK;
         self.look_at_power();
         if self.drive.is_powered() {
-            // The e-stop takes the motor off the bridge, so the drive measures no current.
+            // The e-stop takes the motor off the bridge, so the drive measures no current, and its regulator ends at full voltage.
             let sign = if self.motor_swapped { -1.0 } else { 1.0 };
-            let current_a = if self.estop || self.motor_open { 0.0 } else { sign * self.motor.current_a };
+            let off = self.estop || self.motor_open;
+            let current_a = if off { 0.0 } else { sign * self.motor.current_a };
+            let bridge_v = match self.bridge {
+                Bridge::Current { amps, max_volts } if off => max_volts * amps.signum(),
+                _ => sign * self.motor.bridge_v,
+            };
             let sensed = Sensed {
                 counts: self.drive_counts(),
                 current_a,
                 reported_current_a: read_current(current_a, &self.settings, &mut self.current_noise),
                 supply_v: self.rail.volts(),
-                saturated: !self.estop && !self.motor_open && self.motor.saturated,
+                bridge_v,
+                saturated: !off && self.motor.saturated,
             };
             self.bridge = self.drive.tick(self.now_s(), sensed);
         }

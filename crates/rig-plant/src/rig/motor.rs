@@ -64,6 +64,8 @@ pub struct Motor {
     /// Electrical energy that the leads have taken from the bridge, J. Energy that the motor gives back while it brakes
     /// is not subtracted: nothing on the supply rail stores it.
     pub energy_j: f64,
+    /// Voltage that the bridge puts on the leads now, V.
+    pub bridge_v: f64,
     /// Electrical power that the leads take from the bridge now, W; negative while the motor brakes.
     pub bridge_w: f64,
     /// The regulator wanted more voltage than there is.
@@ -81,6 +83,7 @@ impl Motor {
             speed_rad_per_s: 0.0,
             current_a: 0.0,
             energy_j: 0.0,
+            bridge_v: 0.0,
             bridge_w: 0.0,
             saturated: false,
         }
@@ -109,12 +112,14 @@ impl Motor {
             }
         }
         // A brake resistor is across the leads, not across the bridge.
-        self.bridge_w = 0.0;
-        if matches!(bridge, Bridge::Voltage(_) | Bridge::Current { .. }) {
-            let volts = self.current_a * self.resistance + self.torque_constant * self.speed_rad_per_s;
-            self.bridge_w = volts * self.current_a;
-            self.energy_j += h * self.bridge_w.max(0.0);
-        }
+        self.bridge_v = match bridge {
+            Bridge::Voltage(_) | Bridge::Current { .. } => {
+                self.current_a * self.resistance + self.torque_constant * self.speed_rad_per_s
+            }
+            Bridge::Open | Bridge::Resistor(_) => 0.0,
+        };
+        self.bridge_w = self.bridge_v * self.current_a;
+        self.energy_j += h * self.bridge_w.max(0.0);
     }
 
     /// Back-EMF is a damping, taken at the end of the step: stable for any step.

@@ -3,7 +3,7 @@
 use super::super::{Controller, Inputs, lasts};
 use super::BRIEF_TICKS;
 use super::timing::LATE_US;
-use crate::sensors::{DriveReading, OLD_US};
+use crate::sensors::{DriveReading, OLD_US, SupplyReading};
 use crate::{RigConstants, TICK_S, seconds, whole_counts};
 use core::f32::consts::TAU;
 use rig_link::messages::{Fault, Faults};
@@ -38,8 +38,13 @@ pub(in crate::supervisor) fn is_silent(now_us: u64, report_us: u64) -> bool {
 /// When the report came that shows the supply out of its limits now (µs), if it is.
 pub(in crate::supervisor) fn supply_off_us(inputs: &Inputs, constants: &RigConstants) -> Option<u64> {
     let [min, max] = constants.supply_limits_v;
-    let supply = inputs.supply.filter(|s| inputs.now_us.saturating_sub(s.t_us) < SUPPLY_OLD_US)?;
-    (!(min..=max).contains(&supply.volts)).then_some(supply.t_us)
+    let supply = supply(inputs)?;
+    (!(min..=max).contains(&supply.volts?)).then_some(supply.t_us)
+}
+
+/// The last report of the supply, while it says something about now.
+pub(super) fn supply(inputs: &Inputs) -> Option<SupplyReading> {
+    inputs.supply.filter(|supply| inputs.now_us.saturating_sub(supply.t_us) < SUPPLY_OLD_US)
 }
 
 impl DriveChecks {

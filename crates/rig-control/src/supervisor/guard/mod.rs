@@ -64,7 +64,7 @@ impl Guard {
         let disagrees = rig.tracking.as_ref().is_some_and(|tracking| tracking.adaptation.disagrees());
         for (fault, is_found) in [
             (Fault::TickLate, late && state != State::Boot),
-            (Fault::MotorStill, self.shaft.is_unseen(rig, inputs)),
+            (Fault::MotorStill, self.shaft.is_unseen(rig, inputs, self.latched)),
             (Fault::NotHeld, self.shaft.not_held(rig, inputs, self.latched) || turns_unheard),
             (Fault::LimitSwitch, self.switches.reached(rig, inputs)),
             (Fault::HostSilent, host_is_silent(inputs, state)),

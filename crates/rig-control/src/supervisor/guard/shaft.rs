@@ -1,9 +1,10 @@
 //! The shaft: whether it stands, follows its set-point, is held, and stays within the strings' range.
 
 use super::super::fault_policy::{Latched, Response};
-use super::super::sensing::DriveZero;
+use super::super::sensing::{DriveZero, Sensing};
 use super::super::{Controller, Inputs, STANDING_RPM, lasts};
 use super::{BRIEF_TICKS, SHORT_TICKS, drive};
+use crate::RigConstants;
 use crate::mechanism::OUTSIDE_RAD;
 use crate::sensors::DriveReading;
 use crate::whole_counts;
@@ -14,11 +15,13 @@ use rig_link::messages::State;
 /// that is stopped from a fast move of the emulated rig; and how far besides while it turns (s of its speed).
 const LAG_RAD: f32 = 0.8;
 const LAG_S: f32 = 0.25;
-/// Neither encoder input sees the shaft if both counts stay within the first of these (rad) while the set-point turns by the second:
-/// several times what a drive lags before its motor starts, and little enough to end it before the motor is at full speed.
-const UNSEEN_RAD: [f32; 2] = [0.02, 0.2];
+/// Neither encoder input sees the shaft if both counts stay within the first of these (rad) while they are off the set-point by more
+/// than the second, at which a healthy drive turns its motor at once.
+const UNSEEN_RAD: [f32; 2] = [0.02, 0.05];
 /// A blocked motor draws more than this fraction of the current limit. A motor that turns unseen draws it only while it accelerates.
 const BLOCKED_CURRENT: f32 = 0.5;
+/// Fraction of the motor's maximum speed above which a voltage shows that the motor turns.
+const TURNS_FRACTION: f32 = 0.25;
 
 /// How far the shaft of a healthy drive may stay behind a set-point that turns at a speed (rad/s), rad.
 pub(in crate::supervisor) fn healthy_lag_rad(speed_rad_per_s: f32) -> f32 {
@@ -28,6 +31,34 @@ pub(in crate::supervisor) fn healthy_lag_rad(speed_rad_per_s: f32) -> f32 {
 /// Whether the shaft is to follow its set-point.
 fn follows(rig: &Controller) -> bool {
     rig.sensing.drive_zero.is_matched() && rig.state() != State::Fault
+}
+
+/// Whether the drive puts more voltage on the motor than its resistance needs for its current (mA): the rest is what a turning motor
+/// induces.
+fn turns_by_voltage(inputs: &Inputs, current_ma: i16, rig: &RigConstants) -> bool {
+    let Some(supply) = drive::supply(inputs) else { return false };
+    let [min_v, max_v] = rig.supply_limits_v;
+    let on_motor_v = supply.on_motor * supply.volts.unwrap_or(0.5 * (min_v + max_v));
+    let induced_v = on_motor_v - f32::from(current_ma) * 1e-3 * rig.motor_resistance_ohm;
+    induced_v.abs() > TURNS_FRACTION * rig.motor_speed_max_rad_per_s * rig.motor_torque_constant_nm_per_a
+}
+
+/// Whether the drive holds the shaft because of a fault.
+fn is_held_by_fault(rig: &Controller, latched: Latched) -> bool {
+    let holds = matches!(latched.response(), Some(Response::Hold | Response::HoldByDrive | Response::HoldIfHeard));
+    holds && rig.closed_loop && rig.sensing.drive_zero.offset().is_some()
+}
+
+/// Whether the shaft is farther from its set-point than `most_rad`, by the own encoder, or by the drive's count where a fault says that
+/// the own encoder is wrong.
+fn off_set_point(rig: &Controller, inputs: &Inputs, latched: Latched, most_rad: f32) -> bool {
+    let Sensing { readings, drive_zero, .. } = &rig.sensing;
+    let shaft_rad = match (latched.own_encoder_is_wrong(), inputs.drive) {
+        (false, _) => Some(readings.shaft_rad),
+        (true, DriveReading::Reports { position_qc, .. }) => drive_zero.shaft_rad(position_qc.into(), &rig.constants),
+        (true, _) => None,
+    };
+    shaft_rad.is_some_and(|shaft_rad| (shaft_rad - rig.shaft.position).abs() > most_rad)
 }
 
 /// What the shaft's checks remember.
@@ -40,8 +71,8 @@ pub(in crate::supervisor) struct ShaftChecks {
     pub(in crate::supervisor) still_ticks: u16,
     lag_ticks: u16,
     away_ticks: u16,
-    /// Own and drive's counts when either last moved, and the set-point then (rad).
-    last_seen: Option<([i64; 2], f32)>,
+    /// Own and drive's counts when either last moved.
+    last_seen: Option<[i64; 2]>,
     unseen_ticks: u16,
     /// Twist beyond which it is out of range again, after a `clear` outside the range (rad).
     cleared_twist_rad: f32,
@@ -68,41 +99,33 @@ impl ShaftChecks {
         self.still_ticks = if own_turns || drive_turns { 0 } else { self.still_ticks.saturating_add(1) };
     }
 
-    /// The set-point turns and neither count moves, though the motor is not blocked: the encoder, which both inputs share, has no
-    /// supply, and the drive turns ever faster after a count that stands; or a motor lead is off.
-    pub(super) fn is_unseen(&mut self, rig: &Controller, inputs: &Inputs) -> bool {
-        let DriveReading::Reports { position_qc, current_ma, .. } = inputs.drive else { return false };
+    /// Neither count moves, and the motor turns by its voltage, or the shaft is off its set-point though the motor is not blocked: the
+    /// encoder, which both inputs share, has no supply, and the drive turns ever faster after a count that stands; or a motor lead is
+    /// off.
+    pub(super) fn is_unseen(&mut self, rig: &Controller, inputs: &Inputs, latched: Latched) -> bool {
+        let DriveReading::Reports { t_us, position_qc, current_ma, .. } = inputs.drive else { return false };
         let counts = [inputs.encoder_counts, position_qc.into()];
-        let set_point_rad = rig.shaft.position;
-        let (last_counts, last_rad) = *self.last_seen.get_or_insert((counts, set_point_rad));
-        let [still_rad, turned_rad] = UNSEEN_RAD;
+        let last_seen = *self.last_seen.get_or_insert(counts);
+        let [still_rad, off_rad] = UNSEEN_RAD;
         let still_counts = whole_counts(still_rad * rig.constants.counts_per_rad.abs());
-        let moved = counts.iter().zip(last_counts).any(|(now, then)| (now - then).abs() > still_counts);
-        if moved || !follows(rig) {
-            self.last_seen = Some((counts, set_point_rad));
+        let moved = counts.iter().zip(last_seen).any(|(now, then)| (now - then).abs() > still_counts);
+        if moved {
+            self.last_seen = Some(counts);
         }
         let blocked = f32::from(current_ma).abs() > BLOCKED_CURRENT * f32::from(rig.constants.current_limit_ma);
-        let turned = (set_point_rad - last_rad).abs() > turned_rad;
-        lasts(&mut self.unseen_ticks, turned && follows(rig) && !moved && !blocked, BRIEF_TICKS)
+        let matched = rig.sensing.drive_zero.is_matched();
+        let to_turn = matched && off_set_point(rig, inputs, latched, off_rad) && !blocked;
+        let turns = to_turn || turns_by_voltage(inputs, current_ma, &rig.constants);
+        let driven = (follows(rig) || is_held_by_fault(rig, latched)) && !drive::is_silent(inputs.now_us, t_us);
+        lasts(&mut self.unseen_ticks, driven && turns && !moved, BRIEF_TICKS)
     }
 
     /// Held by a fault, or by the first command after a start, the shaft has gone away all the same.
     pub(super) fn not_held(&mut self, rig: &Controller, inputs: &Inputs, latched: Latched) -> bool {
-        let drive_zero = rig.sensing.drive_zero;
-        let by_fault =
-            matches!(latched.response(), Some(Response::Hold | Response::HoldByDrive | Response::HoldIfHeard))
-                && drive_zero.offset().is_some();
-        let by_start = latched.response().is_none() && matches!(drive_zero, DriveZero::Rough(_));
-        let held = rig.closed_loop && (by_fault || by_start);
-        let shaft_rad = match (latched.own_encoder_is_wrong(), inputs.drive) {
-            (false, _) => Some(rig.sensing.readings.shaft_rad),
-            (true, DriveReading::Reports { position_qc, .. }) => {
-                drive_zero.shaft_rad(position_qc.into(), &rig.constants)
-            }
-            (true, _) => None,
-        };
-        let away = shaft_rad.is_some_and(|shaft_rad| (shaft_rad - rig.shaft.position).abs() > LAG_RAD);
-        lasts(&mut self.away_ticks, held && away, BRIEF_TICKS)
+        let by_start =
+            rig.closed_loop && latched.response().is_none() && matches!(rig.sensing.drive_zero, DriveZero::Rough(_));
+        let held = is_held_by_fault(rig, latched) || by_start;
+        lasts(&mut self.away_ticks, held && off_set_point(rig, inputs, latched, LAG_RAD), BRIEF_TICKS)
     }
 
     /// The twist is farther out than the strings' range, or than where it was cleared, by more than [`OUTSIDE_RAD`]. Nearer, the
