@@ -21,7 +21,8 @@ fn run() -> Result<(), Box<dyn Error>> {
     let scene_path = env::var("TSA_SCENE").unwrap_or_else(|_| "scenes/default.toml".into());
     println!("cargo:rerun-if-env-changed=TSA_SCENE");
     println!("cargo:rerun-if-changed={scene_path}");
-    println!("cargo:rerun-if-changed=src/memory.x");
+    // Also for the name of the commit, which says whether sources have changed since.
+    println!("cargo:rerun-if-changed=src");
     // A commit leaves HEAD itself as it was.
     println!("cargo:rerun-if-changed=.git/logs/HEAD");
 

@@ -105,7 +105,10 @@ struct Folders {
 
 impl Folders {
     fn find() -> Result<Self> {
-        let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().context("xtask has no parent folder")?.to_path_buf();
+        // As cargo says now: it does not build xtask again in a checkout that was copied with its target folder.
+        let now = std::env::var_os("CARGO_MANIFEST_DIR").map(PathBuf::from).filter(|folder| folder.ends_with("xtask"));
+        let xtask = now.unwrap_or_else(|| env!("CARGO_MANIFEST_DIR").into());
+        let root = xtask.parent().context("xtask has no parent folder")?.to_path_buf();
         let target = match std::env::var_os("CARGO_TARGET_DIR") {
             Some(dir) => std::env::current_dir()?.join(dir),
             None => root.join("target"),

@@ -4,7 +4,7 @@
 //! new file beside the target, which replaces the target once it is complete: a full disk or a kill leaves the target
 //! as it was. A symbolic link remains a link, and the file behind it is replaced.
 
-use std::fs::{File, FileType, OpenOptions};
+use std::fs::{File, FileType, OpenOptions, TryLockError};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
@@ -99,7 +99,7 @@ impl Replacement {
         let permissions = match std::fs::metadata(&target) {
             Ok(found) => {
                 check_regular(&target)?;
-                OpenOptions::new().append(true).open(&target)?;
+                lock(&OpenOptions::new().append(true).open(&target)?)?;
                 Some(found.permissions())
             }
             Err(e) if e.kind() == io::ErrorKind::NotFound => None,
@@ -116,6 +116,7 @@ impl Replacement {
                 Err(e) => return Err(e),
             }
         };
+        lock(&file)?;
         let new = Self { target, beside, file, pending: true };
         if let Some(permissions) = permissions {
             new.file.set_permissions(permissions)?;
@@ -148,6 +149,19 @@ impl Replacement {
     /// Whether the target is this file already.
     pub fn is_in_place(&self) -> bool {
         !self.pending
+    }
+}
+
+/// Locks a file as long as it is open, against another program that would take its place while it is written.
+///
+/// # Errors
+/// [`io::ErrorKind::ResourceBusy`] if somebody has locked it. A file system without locks is no error.
+fn lock(file: &File) -> io::Result<()> {
+    match file.try_lock() {
+        Err(TryLockError::WouldBlock) => {
+            Err(io::Error::new(io::ErrorKind::ResourceBusy, "another program is writing it"))
+        }
+        Ok(()) | Err(TryLockError::Error(_)) => Ok(()),
     }
 }
 

@@ -35,6 +35,8 @@ pub enum Why {
     Interrupted,
     /// No telemetry came any more, on a line that is still open.
     Silent,
+    /// Its clock went back: it has started again, and forgotten everything.
+    Reset,
 }
 
 /// The conversation with a board was broken off, and the board was asked to stop.
@@ -53,6 +55,7 @@ impl std::fmt::Display for BrokenOff {
         let why = match self.why {
             Why::Interrupted => "interrupted",
             Why::Silent => "the board went silent, no telemetry came for half a second",
+            Why::Reset => "the board was reset: its position is lost, and a load may have dropped",
         };
         let end = if self.stopped {
             "the board was stopped"
@@ -107,6 +110,7 @@ impl Failure {
             match why {
                 Why::Interrupted => "stopped",
                 Why::Silent => "board-silent",
+                Why::Reset => "board-reset",
             }
         } else if error.is::<HomingFailed>() {
             "homing-failed"

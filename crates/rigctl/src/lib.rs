@@ -112,6 +112,8 @@ pub fn started<C: Parser>(
     global: impl Fn(&C) -> &options::Global,
     run: impl FnOnce(&C, &mut output::Output) -> Result<(), Failure>,
 ) -> ExitCode {
+    #[cfg(target_os = "linux")]
+    session::interrupt::bear_hang_ups();
     let parsed = tool.try_get_matches_from(arguments).and_then(|matches| C::from_arg_matches(&matches));
     let cli = match parsed {
         Ok(cli) => cli,

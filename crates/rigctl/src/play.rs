@@ -8,7 +8,7 @@ use crate::script::{Action, Event, Script, ScriptFault};
 use crate::session::{STEP_S, Session};
 use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::{Rng, SeedableRng};
-use rig_link::{Request, State};
+use rig_link::{Refusal, Request, State};
 use std::collections::{HashMap, VecDeque};
 use std::ops::ControlFlow;
 
@@ -34,6 +34,7 @@ pub fn play(
     }
     // A board that was not greeted moves nothing.
     session.greets = true;
+    session.bears_reset = true;
     let mut player = Player { seed, ..Player::default() };
     let mut events = script.events.iter().peekable();
     while session.now_s() < script.end_s - 0.5 * STEP_S {
@@ -110,6 +111,9 @@ struct Player<'a> {
     waiting: VecDeque<&'a Event>,
     /// Line of the script by the number of the request.
     sent: HashMap<u16, usize>,
+    /// Line of the course whose set-points are sent, and of the one that a stop has ended.
+    course: Option<usize>,
+    ended: Option<usize>,
     /// Noise on the host link, while it is on.
     noise: Option<Pcg64Mcg>,
     silent: bool,
@@ -134,7 +138,14 @@ impl Player<'_> {
         let at_line = |failure: Failure| at_line(event, failure);
         let by_hand = |what: String| Ok(Some(format!("script line {}: now by hand: {what}", event.line)));
         match &event.action {
+            // The rest of a course that was stopped.
+            Action::Command(Request::Track { .. }) if self.ended == Some(event.line) => {}
             Action::Command(request) => {
+                match request {
+                    Request::Track { .. } => self.course = Some(event.line),
+                    Request::Stop => self.ended = self.course,
+                    _ => {}
+                }
                 let number = session.post(request)?;
                 self.sent.insert(number, event.line);
             }
@@ -179,6 +190,10 @@ impl Player<'_> {
         for (number, result) in session.take_replies() {
             if let Err(refusal) = result {
                 let line = self.sent.get(&number);
+                // Somebody else has stopped it.
+                if refusal == Refusal::Stopped && line == self.course.as_ref() {
+                    self.ended = self.course;
+                }
                 self.refused += usize::from(line.is_some());
                 let place = line.map_or(String::new(), |line| format!("script line {line}: "));
                 messages.push(format!("{place}refused: {refusal}"));

@@ -129,6 +129,8 @@ pub struct Controller {
     tracking: Option<LoadTracking>,
     /// Heaviest load (N) by the setting and since power-up, which the rods remember.
     heaviest_n: f32,
+    /// When a stop ended a stream, or when its last set-point came since then or in a fault (µs since boot).
+    stream_ended_us: Option<u64>,
     /// Set-point of the shaft (rad as the own encoder counts) and its speed (rad/s).
     shaft: Ramp,
     /// Whether the drive follows a position. It does once the directions are proven since its start. Until then it applies a
@@ -167,6 +169,7 @@ impl Controller {
             guard,
             tracking: None,
             heaviest_n: 0.0,
+            stream_ended_us: None,
             shaft: Ramp::at(0.0),
             closed_loop: false,
             // The drive may still follow the last command of the run before.

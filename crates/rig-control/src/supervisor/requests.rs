@@ -9,7 +9,7 @@ use super::{Controller, Events, Inputs, JOG_SPEED_MAX};
 use crate::move_check::{MoveRequest, MoveStart, check_load, in_range};
 use crate::ramp::Ramp;
 use crate::sensors::LvdtReading;
-use crate::settings;
+use crate::{seconds, settings};
 use rig_link::messages::{
     Accepted, EventKind, Fault, Limit, LoadChoice, Parameter, Refusal, Request, Setting, SettingValues, State,
     StreamEnd,
@@ -37,12 +37,12 @@ impl Controller {
                 self.start_move(&MoveRequest { target_m, speed_m_per_s, load })
             }
             Request::Track { position_m, speed_m_per_s, for_s } => {
-                self.track(&StreamPoint { position_m, speed_m_per_s, for_s }, events)
+                self.track(&StreamPoint { position_m, speed_m_per_s, for_s }, inputs.now_us, events)
             }
             Request::Jog { twist_speed_rad_per_s } => self.start_jog(twist_speed_rad_per_s),
             Request::CheckDirection => self.idle().and_then(|()| self.begin(First::Check)),
             Request::Stop => {
-                self.stop(events);
+                self.stop(inputs.now_us, events);
                 Ok(Accepted::Done)
             }
             Request::Clear => self.clear(inputs, events),
@@ -114,9 +114,16 @@ impl Controller {
         }
     }
 
-    /// The next set-point of a stream, or the first one. One that is refused ends the stream.
-    fn track(&mut self, point: &StreamPoint, events: &mut Events) -> Result<Accepted, Refusal> {
-        match (self.check_stream(point), &mut self.mode) {
+    /// The next set-point of a stream, or the first one. One that is refused ends the stream. Whoever goes on sending the set-points of a
+    /// stream that a stop, a fault or the emergency stop has ended does not begin it again.
+    fn track(&mut self, point: &StreamPoint, now_us: u64, events: &mut Events) -> Result<Accepted, Refusal> {
+        let ended =
+            self.stream_ended_us.is_some_and(|ended_us| seconds(now_us.saturating_sub(ended_us)) < HOLDS_FOR_S[1]);
+        if ended || matches!(self.mode, Mode::Fault | Mode::EStop { .. }) {
+            self.stream_ended_us = Some(now_us);
+        }
+        let checked = if ended { self.may_move().and(Err(Refusal::Stopped)) } else { self.check_stream(point) };
+        match (checked, &mut self.mode) {
             (Ok(_), Mode::Streaming(stream)) => stream.take(point),
             (Ok(control), _) => {
                 self.set_out(LoadChoice::Auto);
@@ -161,7 +168,7 @@ impl Controller {
     }
 
     /// Ramps down whatever moves. Never refused.
-    fn stop(&mut self, events: &mut Events) {
+    fn stop(&mut self, now_us: u64, events: &mut Events) {
         if matches!(self.mode, Mode::Boot(_) | Mode::Proving(_)) && self.state() == State::Moving {
             let _ = events.push(EventKind::Stopped);
         }
@@ -170,7 +177,10 @@ impl Controller {
             Mode::Proving(_) => self.mode = Mode::Idle,
             Mode::Boot(boot) => boot.then = None,
             Mode::Moving(planned) => planned.stop(),
-            Mode::Streaming(stream) => self.mode = Mode::Moving(stream.brake()),
+            Mode::Streaming(stream) => {
+                self.mode = Mode::Moving(stream.brake());
+                self.stream_ended_us = Some(now_us);
+            }
             Mode::Jogging(speed) => *speed = 0.0,
             Mode::Homing(_) => self.end_homing(),
             Mode::Idle | Mode::Holding(_) | Mode::Fault | Mode::EStop { .. } => {}

@@ -45,6 +45,36 @@ fn a_stream_is_followed_as_long_as_it_comes() {
 }
 
 #[test]
+fn a_stream_that_was_stopped_begins_again_only_after_half_a_second_without_set_points() {
+    let mut bench = Bench::homed();
+    bench.move_to(0.006, 0.004);
+    let point = Request::Track { position_m: 0.006, speed_m_per_s: 0.0, for_s: 0.1 };
+    let sent = |bench: &mut Bench, ticks: u16, expected: Result<Accepted, Refusal>| {
+        for k in 0..ticks {
+            let reply = bench.tick((k % 2 == 0).then_some(point)).reply;
+            assert!(reply.is_none_or(|reply| reply == expected), "{reply:?} in tick {k}, not {expected:?}");
+        }
+    };
+    sent(&mut bench, 50, Ok(Accepted::Started));
+    assert_eq!(bench.ask(Request::Stop), Ok(Accepted::Done));
+    // Whoever has not read of the stop goes on, for longer than half a second.
+    sent(&mut bench, 100, Err(Refusal::Stopped));
+    assert_eq!((bench.rig.state(), bench.events.last()), (State::Holding, Some(&EventKind::Stopped)));
+    bench.run(40);
+    sent(&mut bench, 1, Err(Refusal::Stopped));
+    bench.run(50);
+    sent(&mut bench, 50, Ok(Accepted::Started));
+    // A fault ends it as well, and a `clear` does not let it go on.
+    bench.host_alive = false;
+    bench.ticks_until_fault(100);
+    bench.host_alive = true;
+    let fault = bench.rig.fault().expect("a fault");
+    sent(&mut bench, 100, Err(Refusal::InFault { fault }));
+    assert_eq!(bench.ask(Request::Clear), Ok(Accepted::Done));
+    sent(&mut bench, 100, Err(Refusal::Stopped));
+}
+
+#[test]
 fn a_stream_that_interrupts_a_move_goes_on_with_the_load_that_is_seen_and_teaches_nothing() {
     let mut bench = Bench::homed();
     let twist_scale = bench.shown().twist_scale;

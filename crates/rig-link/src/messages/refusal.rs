@@ -92,8 +92,10 @@ pub enum Refusal {
     /// More requests at once than the board can queue.
     #[error("too many requests at once: ask again")]
     TooMany,
-    /// A stop came before this request was begun.
-    #[error("a stop came before this was begun: give the command again")]
+    /// A stop came before this request was begun, or ended the stream that this set-point belongs to.
+    #[error(
+        "a stop came before this was begun: give the command again, a stream after half a second without set-points"
+    )]
     Stopped,
     /// Its number is not newer than that of the last request: an old message that has arrived again.
     #[error("an older message than the last one has arrived again: it is not carried out a second time")]

@@ -131,7 +131,7 @@ fn backup(session: &mut Session, file: &Path, output: &mut Output) -> Result<(),
     }
     let text = to_toml(&report, session.require_identity()?);
     OutFile::new(file)?.write(&text)?;
-    output.object(&json!({"file": file, "settings": all(&report.values)}))?;
+    output.object(&json!({"file": file.display().to_string(), "settings": all(&report.values)}))?;
     output.line(format!("{} settings written to {}", Setting::ALL.len(), file.display()))?;
     Ok(())
 }
@@ -149,7 +149,7 @@ fn restore(session: &mut Session, file: &Path, force: bool, lasts: bool, output:
     let changed = report.values.iter().filter(|(s, value)| *value != values.get(*s)).count()
         + usize::from(report.values.lvdt_curve != values.lvdt_curve);
     output.object(
-        &json!({"file": file, "settings": all(&values), "before": all(&report.values), "changed": changed, "kept": true,
+        &json!({"file": file.display().to_string(), "settings": all(&values), "before": all(&report.values), "changed": changed, "kept": true,
         "unhomed": unhomed, "dropped": dropped.names().collect::<Vec<_>>()}),
     )?;
     let count = Setting::ALL.len() - Setting::ALL.iter().filter(|setting| dropped.contains(**setting)).count();

@@ -81,7 +81,7 @@ pub fn run(global: &Global, Monitor { script }: &Monitor, output: &Output) -> Re
     let scene = global.scene().ok();
     let keys = Keys::new(!global.is_emulated());
     // A board that is heard again is shown again.
-    session.bears_silence = true;
+    (session.bears_silence, session.bears_reset) = (true, true);
     let mut view = View {
         screen: Screen::new(title, scene),
         input: monitor_input::Terminal::start(),

@@ -203,6 +203,10 @@ impl Jog {
 /// # Errors
 /// The board's refusal in words.
 pub fn request(global: &Global, request: &Request, output: &mut Output) -> Result<(), Failure> {
+    // Who forgets the port must not take its answer for that of the rig.
+    if global.port.is_none() && global.is_emulated() {
+        output.line("no --port: this goes to an emulated board that starts with the command, and to NO rig")?;
+    }
     let mut session = any_board(&global.target()?)?;
     session.request(request)?;
     session.until(0.2, |_| false)?;

@@ -33,7 +33,7 @@ const PAUSE: Duration = Duration::from_millis(50);
 /// If the port fails, the emulated board stopped, or the board did not acknowledge the last stop.
 pub fn serve(session: &mut Session, socket: &Socket, hello: &Value, paced: bool) -> Result<(), Failure> {
     // A board that is heard again is served again.
-    session.bears_silence = true;
+    (session.bears_silence, session.bears_reset) = (true, true);
     let (arrived, arrivals) = mpsc::sync_channel(CLIENTS);
     let listener = socket.listener()?;
     std::thread::Builder::new().spawn(move || accept(&listener, &arrived))?;

@@ -49,6 +49,9 @@ pub struct Session {
     /// The conversation goes on while the board is silent, for who says so to the operator: [`Session::silent_s`]. Meanwhile the
     /// board is asked to stop, in case that it still hears.
     pub bears_silence: bool,
+    /// Whether a step goes on although the board has been reset, for who shows that to somebody.
+    pub bears_reset: bool,
+    was_reset: bool,
     last: Option<Telemetry>,
     /// Versions of the board that has answered a greeting.
     board: Option<Versions>,
@@ -78,6 +81,8 @@ impl Session {
             lost_power: false,
             hearing: Hearing::default(),
             bears_silence: false,
+            bears_reset: false,
+            was_reset: false,
             last: None,
             board: None,
             next_greeting_s: GREETING_S,
@@ -201,16 +206,17 @@ impl Session {
     /// One step: everything queued goes out, everything that came is sorted.
     ///
     /// # Errors
-    /// If the port fails, or the emulated board stopped; [`BrokenOff`] if the operator interrupts or the board falls silent.
+    /// If the port fails, or the emulated board stopped; [`BrokenOff`] if the operator interrupts, or the board falls silent or is reset.
     pub fn step(&mut self) -> Result<(), Failure> {
         let why = if interrupt::wanted() || self.interrupt.swap(false, Ordering::Relaxed) {
             Why::Interrupted
         } else {
             self.exchange()?;
-            if self.silent_s().is_none() || self.bears_silence {
-                return Ok(());
+            match (self.silent_s().is_some() && !self.bears_silence, std::mem::take(&mut self.was_reset)) {
+                (true, _) => Why::Silent,
+                (false, true) if !self.bears_reset => Why::Reset,
+                _ => return Ok(()),
             }
-            Why::Silent
         };
         Err(BrokenOff { why, stopped: self.stop()? }.into())
     }
@@ -279,7 +285,9 @@ impl Session {
     fn take_telemetry(&mut self, telemetry: Telemetry) {
         if self.last.is_some_and(|last| telemetry.t_us < last.t_us) {
             // The board's clock went back: it was reset, and has forgotten everything.
-            self.boot_s = (self.now_s() - telemetry.t_us as f64 * 1e-6).max(0.0);
+            // Rows go on from the last one, by whichever clock is ahead: a real port's begins when it is opened.
+            self.boot_s = (self.now_s() - telemetry.t_us as f64 * 1e-6).max(self.board_s());
+            self.was_reset = !self.lost_power;
             self.truth.home_gap_m = None;
             self.settings = None;
             self.homing_failure = None;

@@ -31,6 +31,19 @@ pub fn watch() {
     });
 }
 
+/// Where the end of the terminal was ignored when the tool began, as under `nohup`, it is no interrupt. Call it before the first
+/// thread begins: the others inherit it.
+#[cfg(target_os = "linux")]
+pub fn bear_hang_ups() {
+    use nix::sys::signal::{SigSet, Signal};
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let ignored = status.lines().find_map(|line| line.strip_prefix("SigIgn:")).map(str::trim);
+    let ignored = ignored.and_then(|mask| u64::from_str_radix(mask, 16).ok()).unwrap_or(0);
+    if ignored >> (Signal::SIGHUP as u32 - 1) & 1 == 1 {
+        let _ = SigSet::from(Signal::SIGHUP).thread_block();
+    }
+}
+
 /// Whether the operator has interrupted the tool.
 pub fn wanted() -> bool {
     WANTED.load(Ordering::Relaxed)

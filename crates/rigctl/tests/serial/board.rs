@@ -46,11 +46,12 @@ pub fn on_a_board(test: impl FnOnce(Board) -> Option<Board>) {
     *handed_on = test(board);
 }
 
-/// What is broken of a line that stays open.
+/// What is broken of a line that stays open, and whether the board is to lose its power for a moment.
 #[derive(Default)]
 struct Wires {
     to_board: AtomicBool,
     from_board: AtomicBool,
+    power_cycle: AtomicBool,
 }
 
 /// An emulated board behind a device name, until it is dropped.
@@ -89,6 +90,9 @@ impl Board {
                 } else if board.now_s() > heard_s + WAIT_S {
                     continue;
                 }
+                if broken.power_cycle.swap(false, Ordering::Relaxed) {
+                    board.power_cycle().unwrap_or_else(|e| panic!("{:?}", e.message()));
+                }
                 let arrives = if broken.to_board.load(Ordering::Relaxed) { 0 } else { count };
                 let answer = board.pass(&buffer[..arrives], SLICE_S).unwrap_or_else(|e| panic!("{:?}", e.message()));
                 if let Some(last) = answer.truth.last() {
@@ -110,6 +114,11 @@ impl Board {
     pub fn breaks(&self, from_board: bool, to_board: bool) {
         self.wires.from_board.store(from_board, Ordering::Relaxed);
         self.wires.to_board.store(to_board, Ordering::Relaxed);
+    }
+
+    /// Takes the board's power away for a moment.
+    pub fn power_cycle(&self) {
+        self.wires.power_cycle.store(true, Ordering::Relaxed);
     }
 
     /// Starts the tool, which turns the strings, and waits for a turn of one radian.

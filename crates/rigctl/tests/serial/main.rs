@@ -172,6 +172,30 @@ fn a_board_that_falls_silent_on_an_open_line_ends_every_command_with_an_error() 
 }
 
 #[test]
+fn a_board_that_is_reset_in_mid_motion_ends_the_command_and_leaves_a_log_that_can_be_read() {
+    on_a_board(|board| {
+        let tool = board.turning(&["jog", "--speed", "1", "--seconds", "600"]);
+        board.power_cycle();
+        let ended = board.end_of(tool);
+        let said = String::from_utf8_lossy(&ended.stderr).into_owned();
+        assert!(ended.status.code() == Some(1) && said.contains("the board was reset"), "{said}");
+        // Its clock began again, while that of the tool's port had begun later than the board's: rows go on all the same.
+        let script = script("reset", "5 jog 1rad/s\n20 end\n");
+        let log = script.with_extension("csv");
+        let [log_text, script_text] = [&log, &script].map(|path| path.to_str().expect("a path"));
+        let tool = board.turning(&["record", "--out", log_text, "--script", script_text]);
+        board.power_cycle();
+        let ended = board.end_of(tool);
+        assert!(ended.status.success(), "{}", String::from_utf8_lossy(&ended.stderr));
+        Log::load(&log).expect("a log").whole().expect("its end is there");
+        for path in [log, script] {
+            std::fs::remove_file(path).expect("was there");
+        }
+        Some(board)
+    });
+}
+
+#[test]
 fn a_script_that_ends_while_the_rig_moves_stops_it() {
     on_a_board(|board| {
         let script = script("ends", "0.5 jog 1rad/s\n3 end\n");
