@@ -23,6 +23,7 @@ fn run() -> Result<(), Box<dyn Error>> {
     println!("cargo:rerun-if-changed={scene_path}");
     // Also for the name of the commit, which says whether sources have changed since.
     println!("cargo:rerun-if-changed=src");
+    println!("cargo:rerun-if-changed=crates");
     // A commit leaves HEAD itself as it was.
     println!("cargo:rerun-if-changed=.git/logs/HEAD");
 

@@ -52,6 +52,9 @@ pub const PRETWIST_RAD: f64 = core::f64::consts::PI;
 
 /// Load (N) below which strings count as slack: their shortening and their torque are then proportional to the load.
 pub const SLACK_LOAD_N: f64 = 0.3;
+/// Where the gap falls faster with the twist than this (m/rad), the equilibrium is about to run away (docs/explanation/model.md 5): no
+/// patch and no straight line follows it.
+pub const STEEPEST_M_PER_RAD: f64 = 5e-3;
 
 /// Twist of the strings after `turns` motor turns past the half-turn pre-twist (rad).
 pub fn twist_from_turns(turns: f64) -> f64 {

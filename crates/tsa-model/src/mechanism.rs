@@ -5,7 +5,6 @@
 //! on few quadrature nodes, then on twice as many, whose residual measures the error of the fewer. A state that does
 //! not converge on the branch connected to zero load is solved again inside brackets, where no step can diverge.
 
-use crate::SLACK_LOAD_N;
 use crate::equilibrium::Equilibrium;
 use crate::error::{ParameterError, SolveError, Warnings};
 use crate::helix::{ALPHA_LIMIT, Helix, State, rigid_angle};
@@ -16,6 +15,7 @@ use crate::rod::{Rod, RodResponse, RodShape, TipForce, outside_fit};
 use crate::scalar::{LAST_STEP_TOLERANCE, PRECISION, RESIDUAL, Scalar, ln};
 pub use crate::string::MINIMUM_LOAD_N;
 use crate::string::StringParameters;
+use crate::{SLACK_LOAD_N, STEEPEST_M_PER_RAD};
 use core::f64::consts::PI;
 
 /// Below this load (N) the fitted radius model has no support; the solution carries a warning.
@@ -107,10 +107,14 @@ impl<T: Scalar> Mechanism<T> {
     /// proportional to the load.
     ///
     /// # Errors
-    /// As [`Mechanism::formal`], at any lighter load down to [`SLACK_LOAD_N`] too.
+    /// As [`Mechanism::formal`], at any lighter load down to [`SLACK_LOAD_N`] too; [`SolveError::NoEquilibrium`] also where the gap of
+    /// one falls faster than [`STEEPEST_M_PER_RAD`].
     pub fn conservative_torque_nm(&self, load_n: f64, twist_rad: f64) -> Result<f64, SolveError> {
         State::new(load_n, twist_rad)?;
-        let slope = |load_n: f64| Ok(load_n * self.formal(load_n, twist_rad)?.dgap_dtwist_m_per_rad.value());
+        let slope = |load_n: f64| match self.formal(load_n, twist_rad)?.dgap_dtwist_m_per_rad.value() {
+            by_twist if by_twist < -STEEPEST_M_PER_RAD => Err(SolveError::NoEquilibrium { load_n, twist_rad }),
+            by_twist => Ok(load_n * by_twist),
+        };
         let mut sum: f64 = slope(SLACK_LOAD_N)?;
         if load_n <= SLACK_LOAD_N {
             // Not by the gap's own slope there, which grows as the load vanishes.

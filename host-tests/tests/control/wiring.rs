@@ -150,6 +150,25 @@ fn an_encoder_that_fails_while_the_strings_turn_ends_the_motion_before_the_drive
     }
 }
 
+/// The same where a fault has just stopped the strings: the set-point stands, and the count that stands as well is a little beside it.
+#[test]
+fn an_encoder_that_fails_while_a_fault_stops_the_strings_ends_the_hold() {
+    for (load, friction) in [("0.2kg", "0.5N"), ("0.5kg", "0.05N"), ("1.2kg", "0.5N")] {
+        let mut d = super::homed(&[], load, friction, 3);
+        d.tick(Some(super::go(0.006, 0.003)));
+        d.run(1.5);
+        d.rig.set_fault(RigFault::LvdtOpen, true);
+        d.run(0.1);
+        assert_eq!(d.control.fault(), Some(Fault::LvdtOpen));
+        d.rig.set_fault(RigFault::EncoderUnpowered, true);
+        let from_rad = d.truth().driven_rad;
+        d.run(10.0);
+        let driven_rad = d.truth().driven_rad - from_rad;
+        println!("{load}: {driven_rad:.1} rad, {:?}", d.control.fault());
+        assert!(driven_rad < 5.0 && d.control.fault() == Some(Fault::MotorStill), "{load}: {driven_rad} rad");
+    }
+}
+
 /// A drive whose line breaks in the check of the directions keeps its voltage.
 #[test]
 fn a_line_that_breaks_while_a_voltage_turns_the_motor_costs_the_drive_its_power() {

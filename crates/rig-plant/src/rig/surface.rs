@@ -13,6 +13,7 @@ use std::f64::consts::PI;
 
 /// Minimum load of the surface, N; below it the pull falls linearly to zero with the gap.
 pub use tsa_model::SLACK_LOAD_N;
+use tsa_model::STEEPEST_M_PER_RAD;
 /// Maximum twist of the surface: eleven turns past the half-turn pre-twist.
 pub const MAX_TWIST_RAD: f64 = PI + 11.0 * 2.0 * PI;
 /// Cells along ln F.
@@ -23,9 +24,6 @@ const OPEN_CELLS: usize = 24;
 const OPEN_END_RAD: f64 = PI * (1.0 - 1e-9);
 /// Cells from θ = π to the last twist.
 const TWISTED_CELLS: usize = 144;
-/// Where the gap falls faster with twist than this, m/rad, the equilibrium is about to run away
-/// (docs/explanation/model.md 5), and no patch and no straight line follows it: the last twist is before that.
-const STEEPEST_M_PER_RAD: f64 = 5e-3;
 /// Places and weights of Gauss's quadrature with three points over a cell of loads.
 const QUADRATURE: [(f64, f64); 3] =
     [(0.112_701_665_379_258_3, 5.0 / 18.0), (0.5, 8.0 / 18.0), (0.887_298_334_620_741_7, 5.0 / 18.0)];
@@ -407,7 +405,7 @@ fn differences(values: &[f64], step: f64) -> Vec<f64> {
         .collect()
 }
 
-/// The last twist, at most [`MAX_TWIST_RAD`], up to which every twist has an equilibrium.
+/// The last twist, at most [`MAX_TWIST_RAD`], up to which every twist has an equilibrium that is not about to run away.
 fn last_twist(exact: &impl Fn(f64, f64) -> Option<GapPoint>, load_n: f64) -> Result<f64, NoSurface> {
     let exists = |twist: f64| exact(twist, load_n).is_some_and(|point| point.by_twist_m_per_rad >= -STEEPEST_M_PER_RAD);
     let mut low = PI;

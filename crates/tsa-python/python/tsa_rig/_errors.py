@@ -37,8 +37,8 @@ class OperationError(RigError, RuntimeError):
     """An operation that was refused or has failed.
 
     Kinds, as in `crates/rigctl/serve.md`: `refused` (by the board), `fault`, `estop`, `homing-failed` (what ended the
-    motion), `stopped` (by a stop), `no-reply`, `board-silent`; also `closed` (the rig is closed), `timeout` (the
-    motion goes on) and `failed` (anything else).
+    motion), `stopped` (by a stop), `no-reply`, `board-silent`; also `board-reset` (the board has started again: its
+    position is lost), `closed` (the rig is closed), `timeout` (the motion goes on) and `failed` (anything else).
     """
 
 

@@ -199,8 +199,11 @@ def _design(task: Task) -> dict[str, Any]:
     for load_n, way in zip(loads, ways):
         if way["contraction_m"].size < 2 or way["contraction_m"][-1] < 0.5 * travel_m:
             continue
-        # Where lighter loads have no equilibrium there is no torque: it is then what lifts the load.
-        torque_nm = np.where(np.isnan(way["torque_nm"]), load_n / way["tr_rad_per_m"], way["torque_nm"])
+        # Where lighter loads have no equilibrium there is no torque: it is then the last one, or what lifts the load.
+        known = ~np.isnan(way["torque_nm"])
+        torque_nm = load_n / way["tr_rad_per_m"]
+        if known.any():
+            torque_nm = np.interp(way["contraction_m"], way["contraction_m"][known], way["torque_nm"][known])
         current_a = np.abs(torque_nm) / gear / torque_constant
         ratio, torque_a = (
             float(np.interp(0.5 * travel_m, way["contraction_m"], values))
@@ -210,7 +213,8 @@ def _design(task: Task) -> dict[str, Any]:
         voltage_speed = (rig["supply_voltage_v"] - torque_a * rig["motor_resistance_ohm"]) / torque_constant
         speeds.append(max(0.0, min(rig["motor_speed_max_rad_per_s"], voltage_speed)) / gear / ratio)
         ratios.append(ratio)
-        currents.append(float(np.max(current_a[way["contraction_m"] <= travel_m])))
+        at_end_a = float(np.interp(travel_m, way["contraction_m"], current_a))
+        currents.append(float(np.max(current_a[way["contraction_m"] <= travel_m], initial=at_end_a)))
     all_loads = len(ratios) == len(ways)
     current_a = max(currents) if all_loads else None
     return {
