@@ -24,8 +24,10 @@ fn control_tick(rig: &mut Controller, inputs: &Inputs) -> Outputs {
 #[embassy_executor::task]
 pub async fn run(encoder: Qei<'static, TIM3>, mut switches: Switches, mut leds: Leds, start: Start) -> ! {
     let settings = shared::SETTINGS_CORRUPT.load(Ordering::Relaxed).then_some(Fault::SettingsCorrupt);
-    // Settings first: the reset cause is also reported in the identity message, corrupt settings only by this fault.
-    let reset = settings.or(start.fault());
+    // A wrong clock first, because nothing may clear it. Then settings: the reset cause is also reported in the identity message, corrupt
+    // settings only by this fault.
+    let clock = start.fault().filter(|fault| *fault == Fault::ClockSource);
+    let reset = clock.or(settings).or(start.fault());
     static CONTROL: StaticCell<Controller> = StaticCell::new();
     // The black box keeps the compiler from checking the table's checksum at compile time: the table in flash is checked.
     let rig = CONTROL.init(Controller::new(core::hint::black_box(&TABLE), RIG, reset));

@@ -18,6 +18,8 @@ pub const FEEDBACK_MS: u8 = 10;
 pub const SUPPLY_MS: u8 = 50;
 /// A drive that still reports its motion this long (µs) after a Reset has not received it. Our choice: ten reports.
 const UNHEARD_RESET_US: u64 = 100_000;
+/// Resets that the drive does not hear before its motor power goes off.
+const UNHEARD_RESETS: u8 = 3;
 /// Time between Resets while the motor must not move at all (µs). Our choice: the drive ignores frames for 0.5 s after
 /// each.
 const RESET_AGAIN_US: u64 = 1_000_000;
@@ -99,8 +101,8 @@ enum Phase {
     Silent,
     /// The start-up sequence runs, is over or has failed.
     Started { start_up: StartUp, mode: Mode, ready: bool },
-    /// A Reset was sent at this time (µs).
-    Released { reset_us: u64 },
+    /// A Reset was sent at this time (µs), after so many that the drive has not heard.
+    Released { reset_us: u64, unheard: u8 },
     /// The same since this time (µs), and motor power goes off.
     Off { since_us: u64, reset_us: u64 },
 }
@@ -173,13 +175,19 @@ impl Conversation {
     pub fn hear(&mut self, now_us: u64, report: Report) -> Option<Frame> {
         let frame = match &mut self.phase {
             Phase::Started { ready: false, .. } => self.start(now_us, Some(report)),
-            Phase::Released { reset_us } | Phase::Off { reset_us, .. } => {
+            Phase::Released { reset_us, .. } | Phase::Off { reset_us, .. } => {
                 let unheard = matches!(report, Report::Motion { .. } | Report::Error(_))
                     && now_us.saturating_sub(*reset_us) >= UNHEARD_RESET_US;
-                return unheard.then(|| {
-                    *reset_us = now_us;
-                    Command::Reset.encode(self.address)
-                });
+                if !unheard {
+                    return None;
+                }
+                *reset_us = now_us;
+                if let Phase::Released { unheard, .. } = &mut self.phase {
+                    *unheard = unheard.saturating_add(1);
+                    // It goes on with its last target: the one thing left that ends that.
+                    self.motor_power &= *unheard < UNHEARD_RESETS;
+                }
+                return Some(Command::Reset.encode(self.address));
             }
             Phase::Silent | Phase::Started { ready: true, .. } => None,
         };
@@ -202,7 +210,7 @@ impl Conversation {
                 *reset_us = now_us;
                 Some(Command::Reset.encode(self.address))
             }
-            (DriveCommand::LetGo, _) => Some(self.release(Phase::Released { reset_us: now_us })),
+            (DriveCommand::LetGo, _) => Some(self.release(Phase::Released { reset_us: now_us, unheard: 0 })),
             (DriveCommand::PowerOff, _) => Some(self.release(Phase::Off { since_us: now_us, reset_us: now_us })),
             (
                 DriveCommand::Follow { position_qc, speed_limit_rpm, current_limit_ma },
@@ -365,6 +373,12 @@ mod tests {
         assert_eq!(c.hear(t + 120_000, MOTION), Some(reset()));
         assert_eq!(c.hear(t + 130_000, MOTION), None);
         assert!(c.motor_power() && c.reading() == DriveReading::Released);
+        // One that hears nothing loses its power.
+        for k in 2..4 {
+            assert!(c.motor_power());
+            assert_eq!(c.hear(t + k * 120_000, MOTION), Some(reset()));
+        }
+        assert!(!c.motor_power());
     }
 
     #[test]

@@ -212,7 +212,7 @@ fn the_line_of_a_bent_rod_ends_where_the_equilibrium_has_its_tip() {
 fn the_torque_that_conserves_energy_grows_with_the_load_as_the_gap_falls_with_the_twist() {
     for name in ["default", "niti-plateau", "paper-computed"] {
         let m = scene(name).mechanism().unwrap();
-        for (load, twist) in [(0.8, 5.0), (5.0, -20.0), (15.0, 40.0)] {
+        for (load, twist) in [(0.8, 5.0), (5.0, -20.0), (15.0, 35.0)] {
             let torque = |load: f64| m.conservative_torque_nm(load, twist).unwrap();
             let (found, expected) =
                 (slope(torque, load, 1e-2 * load), -m.solve(load, twist).unwrap().dgap_dtwist_m_per_rad);

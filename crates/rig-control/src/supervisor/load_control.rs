@@ -131,6 +131,10 @@ impl Move {
             // The load has broken loose, and may have jumped.
             control.planner.set_out_from(load.position_m);
         }
+        // A stop has no target: the load stays where it is, and no friction is taken up for the rest of a way.
+        if self.stopping && (waiting || set_point.done) {
+            *control = LoadControl::at(load.position_m);
+        }
         (output, limit, set_point.done)
     }
 

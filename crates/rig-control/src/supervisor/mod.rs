@@ -256,13 +256,15 @@ impl Controller {
 
     /// Latches what is new among the faults that were found; the strings stop where they are. Whether anything was new.
     fn raise(&mut self, found: Faults, events: &mut Events) -> bool {
+        let own_was_wrong = self.guard.latched.own_encoder_is_wrong();
         if matches!(self.mode, Mode::EStop { .. }) || !self.guard.latch(found, events) {
             return false;
         }
-        // A shaft that is held already stays where the first fault stopped it.
-        if !matches!(self.mode, Mode::Fault) {
+        // A shaft that is held already stays where the first fault stopped it, if the encoder that said where that is was right.
+        let own_is_wrong = self.guard.latched.own_encoder_is_wrong();
+        if !matches!(self.mode, Mode::Fault) || own_is_wrong && !own_was_wrong {
             self.mode = Mode::Fault;
-            let by_drive = self.guard.drive.last_drive_qc.filter(|_| self.guard.latched.own_encoder_is_wrong());
+            let by_drive = self.guard.drive.last_drive_qc.filter(|_| own_is_wrong);
             let by_drive_rad =
                 by_drive.and_then(|counts| self.sensing.drive_zero.shaft_rad(counts.into(), &self.constants));
             self.shaft = Ramp::at(by_drive_rad.unwrap_or(self.sensing.readings.shaft_rad));

@@ -7,7 +7,7 @@ use super::{Controller, Inputs};
 use crate::sensors::DriveReading;
 use crate::{TICK_S, whole_counts};
 use core::f32::consts::TAU;
-use rig_link::messages::{Counters, Doubts, Sensors, Telemetry};
+use rig_link::messages::{Counters, Doubts, Fault, Sensors, Telemetry};
 use rmds405::DriveCommand;
 
 /// Part of the current limit that is allowed before the shaft has been seen to stand: several times what the heaviest load of
@@ -25,6 +25,8 @@ impl Controller {
             // It cannot be told to let go.
             (_, Some(Response::LetGo)) if self.guard.latched.all.meets(UNHEARD) => DriveCommand::PowerOff,
             (_, Some(Response::LetGo)) => DriveCommand::LetGo,
+            // At the wrong bit rate nothing is to be sent.
+            _ if self.faults().contains(Fault::ClockSource) => DriveCommand::Silence,
             _ if restart && self.closed_loop => DriveCommand::Restart,
             _ if restart => DriveCommand::RestartOpenLoop,
             (_, Some(Response::Wait)) => DriveCommand::Silence,

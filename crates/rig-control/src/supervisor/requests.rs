@@ -11,8 +11,8 @@ use crate::ramp::Ramp;
 use crate::sensors::LvdtReading;
 use crate::{seconds, settings};
 use rig_link::messages::{
-    Accepted, EventKind, Fault, Limit, LoadChoice, Parameter, Refusal, Request, Setting, SettingValues, State,
-    StreamEnd,
+    Accepted, EventKind, Fault, HomingFailure, Limit, LoadChoice, Parameter, Refusal, Request, Setting, SettingValues,
+    State, StreamEnd,
 };
 
 impl Controller {
@@ -169,9 +169,13 @@ impl Controller {
 
     /// Ramps down whatever moves. Never refused.
     fn stop(&mut self, now_us: u64, events: &mut Events) {
-        if matches!(self.mode, Mode::Boot(_) | Mode::Proving(_)) && self.state() == State::Moving {
-            let _ = events.push(EventKind::Stopped);
-        }
+        let begins = matches!(self.mode, Mode::Boot(_) | Mode::Proving(_));
+        let ended = match self.state() {
+            State::Homing => Some(EventKind::HomingRefused(HomingFailure::Stopped)),
+            State::Moving if begins => Some(EventKind::Stopped),
+            _ => None,
+        };
+        let _ = ended.map(|event| events.push(event));
         match &mut self.mode {
             // The motor is shorted at once.
             Mode::Proving(_) => self.mode = Mode::Idle,
@@ -199,8 +203,9 @@ impl Controller {
             return Err(Refusal::CauseRemains { fault: row.fault });
         }
         // By its most severe fault the load is held. A shaft that turns says otherwise, and that must be reported first. In open loop
-        // nothing is held.
-        let should_hold = self.closed_loop && latched.response().is_some_and(|response| response < Response::LetGo);
+        // and in an emergency stop nothing is held.
+        let by_fault = matches!(self.mode, Mode::Fault) && self.closed_loop;
+        let should_hold = by_fault && latched.response().is_some_and(|response| response < Response::LetGo);
         if should_hold && self.guard.shaft.still_ticks < SHORT_TICKS {
             return Err(Refusal::ShaftTurns);
         }

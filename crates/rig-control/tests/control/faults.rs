@@ -330,17 +330,18 @@ fn a_held_shaft_that_turns_is_let_go_once() {
     bench.tamper = tamper(|inputs| inputs.bus_off = true);
     bench.tick(None);
     assert_eq!(bench.rig.fault(), Some(Fault::CanBusOff));
-    // The shaft turns by 0.9 rad although it is held; the drive says the same.
-    let counts = (0.9 * bench.constants.counts_per_rad) as i32;
+    // The shaft turns by 0.9 rad in nine ticks although it is held; the drive says the same.
+    let from_us = bench.now_us;
+    let a_tick = (0.1 * bench.constants.counts_per_rad) as i32;
     bench.tamper = tamper(move |inputs| {
+        let counts = a_tick * ((inputs.now_us - from_us) / TICK_US).min(9) as i32;
         inputs.encoder_counts += i64::from(counts);
         reports(inputs, |_, position_qc, _| *position_qc += counts);
     });
-    let from_us = bench.now_us;
     while !bench.rig.faults().contains(Fault::NotHeld) && bench.now_us < from_us + 2_000_000 {
         bench.tick(None);
     }
-    assert_eq!((bench.now_us - from_us) / TICK_US, 8);
+    assert_eq!((bench.now_us - from_us) / TICK_US, 16, "eight after 0.8 rad");
     assert_eq!((bench.command, bench.rig.fault()), (DriveCommand::PowerOff, Some(Fault::NotHeld)));
     bench.tamper = None;
     assert_eq!(bench.ask(Request::Clear), Ok(Accepted::Done));

@@ -65,10 +65,11 @@ fn a_stream_that_was_stopped_begins_again_only_after_half_a_second_without_set_p
     bench.run(50);
     sent(&mut bench, 50, Ok(Accepted::Started));
     // A fault ends it as well, and a `clear` does not let it go on.
-    bench.host_alive = false;
-    bench.ticks_until_fault(100);
-    bench.host_alive = true;
-    let fault = bench.rig.fault().expect("a fault");
+    bench.tamper = crate::faults::tamper(|inputs| inputs.lvdt = None);
+    sent(&mut bench, 7, Ok(Accepted::Started));
+    bench.run(1);
+    bench.tamper = None;
+    let fault = bench.rig.fault().expect("no gap for 80 ms");
     sent(&mut bench, 100, Err(Refusal::InFault { fault }));
     assert_eq!(bench.ask(Request::Clear), Ok(Accepted::Done));
     sent(&mut bench, 100, Err(Refusal::Stopped));

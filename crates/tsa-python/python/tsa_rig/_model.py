@@ -96,7 +96,7 @@ class Equilibria:
         It is the conservative one, T = −∂/∂θ ∫₀ᶠ G dF with the gap G, twist θ and load F, so that what the motor gives
         the load takes. The paper's relation, which does not conserve energy, differs from it
         (docs/explanation/model.md, section 4). NaN also where a lighter load has no equilibrium at this twist, or one
-        that is about to run away, beyond about 6 turns in the default scene: the integral has no beginning there.
+        that is about to run away, beyond about 5.7 turns in the default scene: the integral has no beginning there.
         Below 0.3 N it is proportional to the load.
         """
         assert self._torque is not None, "it was computed before it was pickled"

@@ -19,6 +19,7 @@ mod timing;
 use super::fault_policy::{Latched, POLICY, UNHEARD};
 use super::modes::Mode;
 use super::{Controller, EventKind, Events, HOST_SILENT_US, Inputs};
+use crate::sensors::OLD_US;
 use drive::DriveChecks;
 pub(super) use drive::{is_silent as drive_is_silent, supply_off_us};
 use gap::GapChecks;
@@ -42,6 +43,8 @@ pub(super) struct Guard {
     pub(super) timing: TickTiming,
     pub(super) drive: DriveChecks,
     pub(super) shaft: ShaftChecks,
+    /// When the check of the directions last turned the motor by a voltage (µs since boot).
+    voltage_us: Option<u64>,
     load: LoadChecks,
     gap: GapChecks,
     switches: Switches,
@@ -59,8 +62,13 @@ impl Guard {
             return Faults::NONE;
         }
         let mut found = self.drive.faults(rig, inputs, self.shaft.moved_counts, tick_s);
-        // It keeps the voltage that the check of the directions turns the motor by.
-        let turns_unheard = found.meets(UNHEARD) && matches!(rig.mode, Mode::Proving(_));
+        if matches!(&rig.mode, Mode::Proving(proving) if proving.pwm != 0) {
+            self.voltage_us = Some(inputs.now_us);
+        }
+        // It keeps the voltage that the check of the directions turns the motor by, also if something else has ended the check since
+        // its last report.
+        let turns = self.voltage_us.is_some_and(|at_us| inputs.now_us.saturating_sub(at_us) < 2 * OLD_US);
+        let turns_unheard = found.meets(UNHEARD) && !rig.closed_loop && turns;
         let disagrees = rig.tracking.as_ref().is_some_and(|tracking| tracking.adaptation.disagrees());
         for (fault, is_found) in [
             (Fault::TickLate, late && state != State::Boot),
