@@ -4,7 +4,7 @@ use super::load_error;
 use host_tests::{ControlBench, table};
 use rand::{RngExt, SeedableRng};
 use rig_control::Controller;
-use rig_link::messages::{LoadChoice, Setting, State};
+use rig_link::messages::{EventKind, HomingFailure, LoadChoice, Request, Setting, State};
 use std::f64::consts::{PI, TAU};
 
 /// Homes; the error of zero twist (rad), that of the load as a fraction of what is allowed at 2 N and more (6 %), and the
@@ -19,6 +19,21 @@ fn home(keys: &[(&str, &str)], seed: u64) -> [f64; 3] {
     println!("{keys:?}: zero off by {off:.4} rad, load by {load_off:.2} of what is allowed, {seconds:.1} s");
     assert!(off < 0.02, "{keys:?}: zero off by {off} rad");
     [off, load_off, seconds]
+}
+
+#[test]
+fn a_stop_ends_a_homing_and_says_so_in_each_of_its_phases() {
+    for after_s in [0.05, 1.5, 4.0, 12.0] {
+        let mut d = ControlBench::new(&[("load", "0.5kg"), ("twist_at_boot", "6")], 3);
+        d.until(15.0, |d| d.control.state() == State::Unhomed);
+        d.tick(Some(Request::HOME));
+        d.run(after_s);
+        d.tick(Some(Request::Stop));
+        let last = d.events.last().map(|(_, event)| *event);
+        assert_eq!(last, Some(EventKind::HomingRefused(HomingFailure::Stopped)), "after {after_s} s");
+        d.run(3.0);
+        assert_eq!(d.control.state(), State::Unhomed);
+    }
 }
 
 #[test]

@@ -28,6 +28,26 @@ fn ended(d: &mut ControlBench, target_m: f32) -> [f64; 2] {
     [error_m.into(), is_m]
 }
 
+/// A rail that sticks has left the load beside its target. A move from there first takes up friction; a stop ends that, instead of turning
+/// the strings on for the old target.
+#[test]
+fn a_stop_takes_up_no_more_friction() {
+    for (load, friction) in [("1.0kg", "1N"), ("1.5kg", "2N"), ("0.5kg", "0.05N")] {
+        for target_m in [0.010, 0.006] {
+            let mut d = homed(&[], load, friction, 3);
+            d.move_to(0.008, 0.004, LoadChoice::Auto).unwrap();
+            d.tick(Some(go(target_m, 0.004)));
+            d.run(0.05);
+            d.tick(Some(Request::Stop));
+            let from = d.truth();
+            let stands = d.until(2.0, |d| d.control.state() != State::Moving);
+            let turned_rad = (d.truth().twist_rad - from.twist_rad).abs();
+            println!("{load} {friction} to {target_m}: {turned_rad:.1} rad");
+            assert!(stands && turned_rad < 2.5, "{load} {friction} to {target_m} m: {turned_rad} rad, {stands}");
+        }
+    }
+}
+
 /// A load that is changed at rest is known to a few percent, and so is how far down it can come. What is asked beyond the
 /// end of the strings' travel is refused; in the last bit before it a move may end short, and then says so.
 #[test]

@@ -231,6 +231,27 @@ fn a_motor_that_turns_by_its_voltage_while_no_count_moves_is_let_go_also_at_rest
     }
 }
 
+/// A stop or a limit switch ends the check of the directions just when the line breaks: the drive has not heard of it.
+#[test]
+fn a_drive_that_does_not_hear_of_the_end_of_the_check_loses_its_power() {
+    for stops in [false, true] {
+        let mut bench = Bench::new(5.0, 0.01, 9.0);
+        bench.while_in(State::Boot);
+        bench.begin(Request::HOME);
+        while !matches!(bench.command, DriveCommand::Voltage { pwm: 1.. }) {
+            bench.tick(None);
+        }
+        bench.tamper = tamper(move |inputs| {
+            reports(inputs, |t_us, _, _| *t_us = 0);
+            inputs.upper_limit_open = !stops;
+        });
+        bench.tick(stops.then_some(Request::Stop));
+        bench.run(12);
+        assert!(bench.rig.faults().contains(Fault::NotHeld), "{}", bench.rig.faults());
+        assert_eq!(bench.command, DriveCommand::PowerOff, "{stops}");
+    }
+}
+
 #[test]
 fn a_drive_that_turns_the_motor_by_a_voltage_and_does_not_hear_loses_its_power() {
     let mut bench = Bench::new(5.0, 0.01, 9.0);

@@ -420,3 +420,44 @@ fn the_emergency_stop_takes_power_and_position_away() {
     bench.while_in(State::Boot);
     assert_eq!(bench.rig.state(), State::Unhomed);
 }
+
+#[test]
+fn on_a_wrong_clock_nothing_is_sent_to_the_drive() {
+    let mut bench = Bench::new(5.0, 0.01, 9.0);
+    bench.rig = Controller::new(table(), constants(), Some(Fault::ClockSource));
+    for _ in 0..10 {
+        bench.tick(None);
+        assert_eq!(bench.command, DriveCommand::Silence);
+    }
+    assert_eq!(bench.ask(Request::Clear), Err(Refusal::CauseRemains { fault: Fault::ClockSource }));
+}
+
+#[test]
+fn an_own_encoder_that_fails_after_another_fault_leaves_the_load_held_by_the_drive() {
+    let mut bench = holding();
+    bench.tamper = tamper(|inputs| inputs.lvdt = None);
+    bench.ticks_until_fault(20).expect("no gap");
+    let held_rad = bench.twist_rad;
+    let jump = (2.0 * bench.constants.counts_per_rad) as i64;
+    bench.tamper = tamper(move |inputs| {
+        inputs.lvdt = None;
+        inputs.encoder_counts += jump;
+    });
+    bench.run(50);
+    assert!(bench.rig.faults().contains(Fault::EncoderJump) && !bench.rig.faults().contains(Fault::NotHeld));
+    assert!(matches!(bench.command, DriveCommand::Follow { .. }), "{:?}", bench.command);
+    assert!((bench.twist_rad - held_rad).abs() < 0.1, "from {held_rad} to {} rad", bench.twist_rad);
+}
+
+#[test]
+fn after_a_fault_and_an_emergency_stop_nothing_is_held_so_clear_waits_for_nothing() {
+    let mut bench = holding();
+    bench.tamper = tamper(|inputs| inputs.lvdt = None);
+    bench.ticks_until_fault(20).expect("no gap");
+    bench.tamper = tamper(|inputs| inputs.estop_open = true);
+    bench.run(2);
+    // The load turns the shaft.
+    bench.tamper = tamper(|inputs| inputs.encoder_counts += (inputs.now_us / 100) as i64);
+    bench.run(50);
+    assert_eq!(bench.ask(Request::Clear), Ok(Accepted::Done));
+}
