@@ -31,7 +31,7 @@ mod toolchain;
 use anyhow::{Context, Result, ensure};
 use clap::{Parser, Subcommand};
 use packages::Packages;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 #[derive(Parser)]

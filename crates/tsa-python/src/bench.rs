@@ -106,7 +106,7 @@ impl Shows for MotorSpeed {
             number(inputs.lvdt.map(|block| gap_m(block.mean_code))),
             number(drive.map(|(current_ma, _)| 1e-3 * f64::from(current_ma))),
             number(drive.map(|(_, speed_rpm)| f64::from(speed_rpm) * TAU / 60.0)),
-            number(inputs.supply.map(|supply| supply.volts)),
+            number(inputs.supply.and_then(|supply| supply.volts)),
         ];
         (numbers, vec![])
     }
