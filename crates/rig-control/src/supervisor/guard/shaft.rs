@@ -133,7 +133,7 @@ impl ShaftChecks {
     pub(super) fn twist_is_outside(&mut self, rig: &Controller) -> bool {
         let Some(tracking) = &rig.tracking else { return false };
         let twist_rad = tracking.twist_rad(rig.sensing.readings.shaft_rad).abs();
-        let max_rad = (tracking.mechanism(rig.table.table()).twist_max_rad() + OUTSIDE_RAD).max(self.cleared_twist_rad);
+        let max_rad = (rig.table.metadata().twist_max_rad + OUTSIDE_RAD).max(self.cleared_twist_rad);
         self.cleared_twist_rad = self.cleared_twist_rad.min(twist_rad + OUTSIDE_RAD);
         twist_rad > max_rad
     }
