@@ -1,6 +1,6 @@
 //! A trajectory of the load over time, which is streamed to the board as set-points.
 
-use crate::csv_text::columns;
+use crate::csv_text::{Table, columns};
 use crate::failure::Failure;
 use rig_link::Request;
 use std::path::Path;
@@ -14,6 +14,8 @@ pub const HOLDS_FOR_S: f32 = 0.2;
 /// Longest trajectory (s), maximum position (m) and speed (m/s) that are taken for a rig's: beyond them a unit is wrong, and
 /// set-points between two points could be more than a number of the link can hold.
 const LONGEST_S: f64 = 1e6;
+/// Column of the speeds, if there is one.
+const SPEED: &str = "speed_m_per_s";
 const MAX_M: f64 = 10.0;
 const MAX_M_PER_S: f64 = 100.0;
 
@@ -50,10 +52,14 @@ impl Trajectory {
     /// # Errors
     /// Naming the line.
     pub fn parse(text: &str) -> Result<Self, String> {
-        let has_speed = columns(text, ["speed_m_per_s"]).is_ok();
+        let table = Table::parse(text)?;
+        let has_speed = table.has(SPEED);
+        if let Some(name) = table.names.1.iter().find(|name| name.starts_with("speed") && *name != SPEED) {
+            return Err(format!("has a column `{name}`: speeds are in a column `{SPEED}`"));
+        }
         let mut points: Vec<(usize, [f64; 3])> = Vec::new();
         if has_speed {
-            for (line, row) in columns(text, ["t_s", "position_m", "speed_m_per_s"])? {
+            for (line, row) in columns(text, ["t_s", "position_m", SPEED])? {
                 points.push((line, row?));
             }
         } else {
@@ -257,6 +263,8 @@ mod tests {
             ("t_s,position_m\n0,0.001\n1,0.002\n2,0.002\n3,nan\n", "line 5: its position"),
             ("t_s,position_m\n0,0.001\n1,12\n", "line 3: its position"),
             ("t_s,height\n0,0.001\n1,0\n", "position_m"),
+            ("t_s,position_m,speed_mm_s\n0,0.001,1\n1,0.002,1\n", "`speed_mm_s`"),
+            ("t_s,position_m,speed_m_per_s,speed_m_per_s\n0,0.001,0,0\n1,0.002,0,0\n", "two columns"),
         ] {
             let error = Trajectory::parse(text).expect_err(text);
             assert!(error.contains(named), "{text:?}: {error}");

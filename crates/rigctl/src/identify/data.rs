@@ -9,10 +9,11 @@
 use crate::csv_text::{Table, no_number};
 use crate::failure::Failure;
 use crate::log::sweep::Sweep;
-use crate::log::{self, Log};
+use crate::log::{self, Log, SETTINGS};
 use crate::units::{M, N, TURNS_OF_RAD};
 use rig_config::Scene;
 use rig_control::hysteresis::memory_shape;
+use rig_link::Setting;
 use std::ops::Range;
 use std::path::Path;
 use std::time::SystemTime;
@@ -264,6 +265,8 @@ pub fn sweeps(scene: &Scene, files: &[impl AsRef<Path>], partial: bool) -> Resul
     let mut data = Data::default();
     let mut recorded = Vec::new();
     let mut places = Vec::new();
+    let mut contents: Vec<(String, Vec<u8>)> = Vec::new();
+    let mut calibrated: Option<(String, [String; 3])> = None;
     for path in files.iter().map(AsRef::as_ref) {
         let name = path.display().to_string();
         let place = path.canonicalize().unwrap_or_else(|_| path.to_owned());
@@ -272,9 +275,22 @@ pub fn sweeps(scene: &Scene, files: &[impl AsRef<Path>], partial: bool) -> Resul
         }
         places.push(place);
         let content = rig_config::files::read(path).map_err(|e| e.to_string());
+        // The same measurement twice would look like two, and halve the errors.
+        if let Ok(bytes) = &content {
+            if let Some((other, _)) = contents.iter().find(|(_, other)| other == bytes) {
+                return Err(Failure::Usage(format!("sweep {name} is a copy of {other}")));
+            }
+            contents.push((name.clone(), bytes.clone()));
+        }
         let read = content.and_then(|bytes| match Log::is_one(&bytes) {
             true => {
                 let log = Log::load(path)?;
+                let (first, as_first) = calibrated.get_or_insert_with(|| (name.clone(), lvdt_calibration(&log)));
+                if lvdt_calibration(&log) != *as_first {
+                    return Err(format!(
+                        "was recorded with another calibration of the LVDT than {first}: calibrate it first, then record all sweeps"
+                    ));
+                }
                 data.add_log(&name, &base, &log, partial)?;
                 recorded.extend(Recorded::new(&name, &log));
                 Ok(())
@@ -285,6 +301,12 @@ pub fn sweeps(scene: &Scene, files: &[impl AsRef<Path>], partial: bool) -> Resul
     }
     data.remembering = recorded.iter().filter_map(|sweep| sweep.remembers(&recorded)).collect();
     Ok(data)
+}
+
+/// The LVDT's calibration in a log's settings, as its head has it.
+fn lvdt_calibration(log: &Log) -> [String; 3] {
+    [Setting::LvdtOffset.name(), Setting::LvdtGain.name(), crate::lvdt_points::NAME]
+        .map(|name| log.header.get(&format!("{SETTINGS}{name}")).unwrap_or_default().to_owned())
 }
 
 /// When a sweep was recorded under which load.
@@ -357,6 +379,20 @@ mod tests {
             assert_eq!((data.rows.len(), named), (if good { 2 } else { 1 }, !good), "{sigma_m}: {:?}", data.bad);
         }
         std::fs::remove_file(&file).expect("a temporary file");
+    }
+
+    #[test]
+    fn logs_of_another_calibration_of_the_lvdt_are_told_apart() {
+        let log = |settings: &str| {
+            let text = format!("# format = tsa-log 1\n{settings}t_s,state,position_m,twist_rad\n0,ready,0,4\n");
+            Log::parse(&text).expect("a log")
+        };
+        let [plain, offset, gain] = ["", "# settings.lvdt-offset = 0.0005\n", "# settings.lvdt-gain = 1.01\n"].map(log);
+        let points = log(&format!("# settings.{} = 0.1 0.1001\n", crate::lvdt_points::NAME));
+        let all = [plain, offset, gain, points].map(|log| lvdt_calibration(&log));
+        for (k, one) in all.iter().enumerate() {
+            assert_eq!(all.iter().filter(|other| *other == one).count(), 1, "log {k}");
+        }
     }
 
     #[test]

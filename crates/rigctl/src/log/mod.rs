@@ -32,7 +32,7 @@ pub const FORMAT: &str = "tsa-log 1";
 /// Key in the header of the host's clock when recording starts, by RFC 3339.
 const HOST_TIME: &str = "host_time";
 /// Prefix of a setting's name in the header.
-const SETTINGS: &str = "settings.";
+pub const SETTINGS: &str = "settings.";
 /// Prefix in the header of the name of a constant that settings correct.
 const CONSTANTS: &str = "constants.";
 

@@ -74,7 +74,7 @@ impl Log {
 
     /// Whether a file begins as a log does.
     pub fn is_one(content: &[u8]) -> bool {
-        content.starts_with(b"# format =")
+        content.strip_prefix("\u{feff}".as_bytes()).unwrap_or(content).starts_with(b"# format =")
     }
 
     /// Reads a text. A log that was cut short is read as far as it goes; see [`Log::whole`].
@@ -85,7 +85,8 @@ impl Log {
         if text.trim().is_empty() {
             return Err("is empty".into());
         }
-        let text = whole_lines(text);
+        // Spreadsheets put a byte-order mark in front.
+        let text = whole_lines(text.trim_start_matches('\u{feff}'));
         let first = text.lines().next().and_then(|line| line.strip_prefix('#')?.split_once(" = "));
         if first.is_none_or(|(key, value)| (key.trim(), value.trim()) != ("format", FORMAT)) {
             return Err(format!("is not a log of this tool: its first line is not `# format = {FORMAT}`"));

@@ -426,6 +426,8 @@ fn files_that_cannot_be_meant_are_refused_by_name() {
     let here = format!("{}/./new.toml", scene.parent().unwrap().display());
     let estimates = file("meant/estimates.csv");
     std::fs::write(&estimates, "load_n,twist_rad,gap_m,load_error_n\n2,10,0.09,0.3\n").unwrap();
+    let copy = file("meant/copy.csv");
+    std::fs::copy(&files[1], &copy).unwrap();
     let with = |more: &[&str]| {
         let given: Vec<&str> = files.iter().map(String::as_str).chain(more.iter().copied()).collect();
         rigctl(&[&["identify"][..], &given].concat())
@@ -434,6 +436,7 @@ fn files_that_cannot_be_meant_are_refused_by_name() {
     for (more, code, named) in [
         (&["--out", scene, "--figure", &here][..], 2, "--figure"),
         (&[files[0].as_str()], 2, "given twice"),
+        (&[copy.to_str().unwrap()], 2, "is a copy of"),
         (&[estimates.to_str().unwrap()], 1, "estimates"),
     ] {
         let output = with(more);
