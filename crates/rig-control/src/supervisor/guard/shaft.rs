@@ -114,6 +114,8 @@ impl ShaftChecks {
         }
         let blocked = f32::from(current_ma).abs() > BLOCKED_CURRENT * f32::from(rig.constants.current_limit_ma);
         let matched = rig.sensing.drive_zero.is_matched();
+        // A drive whose loops are slow lags more, and turns the motor all the same.
+        let off_rad = off_rad + LAG_S * rig.shaft.speed.abs();
         let to_turn = matched && off_set_point(rig, inputs, latched, off_rad) && !blocked;
         let turns = to_turn || turns_by_voltage(inputs, current_ma, &rig.constants);
         let driven = (follows(rig) || is_held_by_fault(rig, latched)) && !drive::is_silent(inputs.now_us, t_us);
