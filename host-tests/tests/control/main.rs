@@ -2,7 +2,6 @@
 //! What needs no plant is in `crates/rig-control/tests/`.
 
 mod estop;
-mod hazards;
 mod homing;
 mod load;
 mod moving;
