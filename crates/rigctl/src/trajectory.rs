@@ -14,10 +14,10 @@ pub const HOLDS_FOR_S: f32 = 0.2;
 /// Longest trajectory (s), maximum position (m) and speed (m/s) that are taken for a rig's: beyond them a unit is wrong, and
 /// set-points between two points could be more than a number of the link can hold.
 const LONGEST_S: f64 = 1e6;
-/// Column of the speeds, if there is one.
-const SPEED: &str = "speed_m_per_s";
 const MAX_M: f64 = 10.0;
 const MAX_M_PER_S: f64 = 100.0;
+/// Column of the speeds, if there is one.
+const SPEED: &str = "speed_m_per_s";
 
 /// One point of a trajectory.
 #[derive(Clone, Copy, Debug, PartialEq)]
