@@ -21,10 +21,12 @@ const TR_INFINITE: &str = "tr-infinite";
 /// Example: `rigctl solve --load 0.5kg --turns 3`
 #[derive(Debug, Args)]
 pub struct Solve {
+    /// Where.
     #[command(flatten)]
-    at: At,
+    pub at: At,
+    /// How.
     #[command(flatten)]
-    how: How,
+    pub how: How,
 }
 
 impl Solve {
