@@ -4,9 +4,9 @@ use crate::curves::{self, Curve};
 use crate::published::numbers::warnings;
 use crate::range::{Vary, turn_range};
 use crate::scene_key::{self, KeyError};
-use crate::table;
 use crate::trace::{self, Trace, trace};
 use rig_config::Scene;
+use rigctl::csv_text::below;
 use rigctl::failure::{Failure, Refused};
 use rigctl::identify::data::Quantity;
 use rigctl::options::Global;
@@ -91,8 +91,8 @@ impl Arguments {
             let curves_header = "key,value,turns,contraction_m,tr_rad_per_m";
             let heading = format!("{symbol} varied, {load_n} N, scene {}", global.scene.display());
             let files = [
-                ("study.csv", table(&header, rows)?),
-                ("study-curves.csv", table(curves_header, lines)?),
+                ("study.csv", below(&header, rows)?),
+                ("study-curves.csv", below(curves_header, lines)?),
                 ("study.svg", figure(heading, symbol, &[curves], self.turns).svg()?),
             ];
             files.iter().try_for_each(|(name, content)| write_file(folder, name, content))?;

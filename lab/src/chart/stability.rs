@@ -7,10 +7,10 @@
 use super::grid::Grid;
 use super::work_precision::in_words;
 use super::{Inputs, Made};
-use crate::table;
 use anyhow::Result;
 use baseline_methods::Method;
 use rig_config::Scene;
+use rigctl::csv_text::below;
 use rigctl::parallel::{Progress, parallel};
 use rigctl::plot::{Axis, Block, Figure, INK, KeyRow, Panel, Pen, RGBColor};
 use std::f64::consts::PI;
@@ -215,5 +215,5 @@ pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
         )],
     };
     let header = "rod,rod_span_m,rod_radius_m,method,load_n,turns,outcome,error_kind,safe_zone,evaluations";
-    Made::new(&figure, table(header, rows)?, findings)
+    Made::new(&figure, below(header, rows)?, findings)
 }

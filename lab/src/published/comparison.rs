@@ -2,9 +2,9 @@
 
 use super::contradictions;
 use super::numbers::{self, Computed, Kind, Ratio, Row, changed_mechanism};
-use crate::table;
 use anyhow::Result;
 use rig_config::Scene;
+use rigctl::csv_text::below;
 use rigctl::failure::Refused;
 use rigctl::identify::data::Quantity;
 use rigctl::statistics::Errors;
@@ -135,7 +135,7 @@ impl Comparison {
         let of_numbers = "scene,id,quantity,kind,load_n,changes,published,computed,error,limit,unit,warnings,where";
         let of_ratios = "scene,id,quantity,kind,load_n,to_load_n,turns,published,computed,error,limit,where";
         let file = |name: &str, content| (name.to_owned(), content);
-        Ok(vec![file("published.csv", table(of_numbers, numbers)?), file("ratios.csv", table(of_ratios, ratios)?)])
+        Ok(vec![file("published.csv", below(of_numbers, numbers)?), file("ratios.csv", below(of_ratios, ratios)?)])
     }
 
     /// Tables, remarks and sums of errors for people, in lines.
