@@ -4,6 +4,7 @@
 use crate::{bench, budget, chart, closed_loop, page, published, solve, study, table_report};
 use clap::{Parser, Subcommand};
 use rigctl::commands::identify::Identify;
+use rigctl::commands::solve::Solve;
 use rigctl::failure::Failure;
 use rigctl::help::Group;
 use rigctl::options::{Global, no_effect};
@@ -64,7 +65,7 @@ pub enum Command {
     /// Solve one equilibrium by any method or tier, or one for each row of a file
     ///
     /// Example: `tsa-lab solve --load 0.5kg --turns 3 --method paper`
-    Solve(solve::Arguments),
+    Solve(Solve),
     /// What an equilibrium costs, for `cargo xtask bench`
     #[command(hide = true, subcommand)]
     Bench(bench::Task),
@@ -87,7 +88,7 @@ pub fn run(cli: &Cli, output: &mut Output) -> Result<(), Failure> {
         Command::Report(arguments) => arguments.run(global, output),
         Command::Budget(arguments) => arguments.run(global, output),
         Command::Table(arguments) => arguments.run(global, output),
-        Command::Solve(arguments) => arguments.run(global, output),
+        Command::Solve(options) => solve::run(global, options, output),
         Command::Bench(task) => task.run(output),
         Command::Identify(options) => published::identify::run(global, options, output),
     }

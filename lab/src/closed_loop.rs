@@ -1,8 +1,8 @@
 //! `loop`: what a cheaper model, or a less accurate table, does in the closed loop. The emulated board is sent each table under the
 //! scene's own name; then it homes and moves two loads.
 
-use crate::csv;
 use rig_link::{Fault, State};
+use rigctl::csv_text::named;
 use rigctl::failure::Failure;
 use rigctl::options::Global;
 use rigctl::out_file::write_file;
@@ -131,7 +131,7 @@ impl Arguments {
                 outcomes.push(outcome);
             }
         }
-        write_file(&self.out, "loop.csv", &csv(outcomes)?)?;
+        write_file(&self.out, "loop.csv", &named(outcomes)?)?;
         output.line(format!("written: loop.csv in {}", self.out.display()))?;
         Ok(())
     }

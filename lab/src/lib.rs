@@ -29,28 +29,3 @@ pub mod solve;
 pub mod study;
 pub mod table_report;
 pub mod trace;
-
-/// Rows as CSV; their fields' names are the header.
-///
-/// # Errors
-/// If a row is nested.
-pub fn csv(rows: impl IntoIterator<Item = impl serde::Serialize>) -> anyhow::Result<String> {
-    written(csv::Writer::from_writer(Vec::new()), rows)
-}
-
-/// Rows as CSV below a header, as tuples of as many cells.
-pub(crate) fn table(header: &str, rows: impl IntoIterator<Item = impl serde::Serialize>) -> anyhow::Result<String> {
-    let mut writer = csv::WriterBuilder::new().has_headers(false).from_writer(Vec::new());
-    writer.write_record(header.split(','))?;
-    written(writer, rows)
-}
-
-fn written(
-    mut writer: csv::Writer<Vec<u8>>,
-    rows: impl IntoIterator<Item = impl serde::Serialize>,
-) -> anyhow::Result<String> {
-    for row in rows {
-        writer.serialize(row)?;
-    }
-    Ok(String::from_utf8(writer.into_inner().map_err(|e| e.into_error())?)?)
-}

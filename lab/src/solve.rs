@@ -1,43 +1,28 @@
 //! `solve` by other methods than the tool's own.
 
 use baseline_methods::Method;
-use rigctl::batch::At;
-use rigctl::commands::solve::{self, How, Way};
+use rigctl::commands::solve::{self, How, Solve, Way};
 use rigctl::failure::Failure;
 use rigctl::options::Global;
 use rigctl::output::Output;
 use tsa_model::{Mechanism, Tier};
 
-/// `tsa-lab solve`.
-#[derive(Debug, clap::Args)]
-pub struct Arguments {
-    /// Where.
-    #[command(flatten)]
-    at: At,
-    /// How.
-    #[command(flatten)]
-    how: How,
-}
-
-impl Arguments {
-    /// Runs the command.
-    ///
-    /// # Errors
-    /// If the options contradict each other; as [`solve::answer`].
-    pub fn run(&self, global: &Global, output: &mut Output) -> Result<(), Failure> {
-        let Self { at, how } = self;
-        let scene = global.scene()?;
-        let method = chosen(how)?;
-        if how.tier != Tier::Full.name() {
-            if method != Method::ALL[0] {
-                let only = "--tier: only the method first-integral, with its own steps, knows other tiers";
-                return Err(Failure::Usage(only.into()));
-            }
-            return solve::answer(at, &scene, Way::new(how, &scene)?, output);
+/// Runs the command.
+///
+/// # Errors
+/// If the options contradict each other; as [`solve::answer`].
+pub fn run(global: &Global, Solve { at, how }: &Solve, output: &mut Output) -> Result<(), Failure> {
+    let scene = global.scene()?;
+    let method = chosen(how)?;
+    if how.tier != Tier::Full.name() {
+        if method != Method::ALL[0] {
+            let only = "--tier: only the method first-integral, with its own steps, knows other tiers";
+            return Err(Failure::Usage(only.into()));
         }
-        let by = |mechanism: &Mechanism, load_n, twist_rad| method.solve(mechanism, load_n, twist_rad);
-        solve::answer(at, &scene, Way::By(method.name(), &by), output)
+        return solve::answer(at, &scene, Way::new(how, &scene)?, output);
     }
+    let by = |mechanism: &Mechanism, load_n, twist_rad| method.solve(mechanism, load_n, twist_rad);
+    solve::answer(at, &scene, Way::By(method.name(), &by), output)
 }
 
 /// The method with its effort.

@@ -1,13 +1,13 @@
 //! One value of a scene varied over any range: what contraction and TR become, and where a limit of the model ends them.
 
 use crate::curves::{self, Curve};
-use crate::published::numbers::{body, warnings};
+use crate::published::numbers::warnings;
 use crate::range::{Vary, turn_range};
 use crate::scene_key::{self, KeyError};
-use crate::table;
 use crate::trace::{self, Trace, trace};
 use rig_config::Scene;
-use rigctl::failure::{ErrorBody, Failure};
+use rigctl::csv_text::below;
+use rigctl::failure::{Failure, Refused};
 use rigctl::identify::data::Quantity;
 use rigctl::options::Global;
 use rigctl::options::values::load;
@@ -45,7 +45,7 @@ struct Point {
     ends: [Option<Equilibrium>; 2],
     warnings: Vec<&'static str>,
     /// What ends the curve before its last turn, and the last turns before it; none if already the first are refused.
-    limit: Option<(ErrorBody, Option<f64>)>,
+    limit: Option<(Refused, Option<f64>)>,
 }
 
 /// Numbers of a point, as `--json` and `study.csv` name them: contraction at the last turn, TR and span between the rods' tips at both
@@ -82,7 +82,7 @@ impl Arguments {
             });
             let rows = points.iter().map(|point| {
                 let (kind, turns) =
-                    point.limit.as_ref().map_or((None, None), |(what, turns)| (Some(&what.kind), *turns));
+                    point.limit.as_ref().map_or((None, None), |(what, turns)| (Some(what.kind), *turns));
                 let what = (&vary.key, point.value, load_n, from, to);
                 (what, point.numbers(), point.warnings.join(" "), kind, turns)
             });
@@ -91,8 +91,8 @@ impl Arguments {
             let curves_header = "key,value,turns,contraction_m,tr_rad_per_m";
             let heading = format!("{symbol} varied, {load_n} N, scene {}", global.scene.display());
             let files = [
-                ("study.csv", table(&header, rows)?),
-                ("study-curves.csv", table(curves_header, lines)?),
+                ("study.csv", below(&header, rows)?),
+                ("study-curves.csv", below(curves_header, lines)?),
                 ("study.svg", figure(heading, symbol, &[curves], self.turns).svg()?),
             ];
             files.iter().try_for_each(|(name, content)| write_file(folder, name, content))?;
@@ -119,7 +119,7 @@ impl Arguments {
         let at = |turns| mechanism.solve(self.load, twist_from_turns(turns));
         let (pretwist, start) = (at(0.0), at(from).ok());
         let ends = way.ends.first().map(|e| (e.limit.clone(), e.at.map(|p| p.turns)));
-        let limit = ends.or_else(|| pretwist.as_ref().err().map(|e| (body(e), None)));
+        let limit = ends.or_else(|| pretwist.as_ref().err().map(|&e| (e.into(), None)));
         let end = at(to).ok().filter(|_| limit.is_none());
         Point {
             value,

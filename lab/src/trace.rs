@@ -1,7 +1,6 @@
 //! Contraction and TR of one mechanism at one load, along the turns, and where the model ends.
 
-use crate::published::numbers::body;
-use rigctl::failure::ErrorBody;
+use rigctl::failure::Refused;
 use tsa_model::{Equilibrium, Mechanism, SolveError, twist_from_turns};
 
 /// One state.
@@ -21,7 +20,7 @@ pub struct End {
     /// The last state before it; none if already the first is refused.
     pub at: Option<Point>,
     /// The limit.
-    pub limit: ErrorBody,
+    pub limit: Refused,
 }
 
 /// Contraction and TR along the turns.
@@ -41,7 +40,7 @@ pub fn trace(mechanism: &Mechanism, load_n: f64, [from, to]: [f64; 2], steps: u3
     let start = match mechanism.formal(load_n, twist_from_turns(0.0)) {
         Ok(start) => start,
         Err(e) => {
-            trace.ends.push(End { at: None, limit: body(&e) });
+            trace.ends.push(End { at: None, limit: e.into() });
             return trace;
         }
     };
@@ -64,7 +63,7 @@ pub fn trace(mechanism: &Mechanism, load_n: f64, [from, to]: [f64; 2], steps: u3
                 let limit = last_before(|turns| solve(formal, turns).ok().map(|e| point(turns, &e)), last, turns);
                 way.push(limit);
             }
-            trace.ends.push(End { at: way.last().copied(), limit: body(&error) });
+            trace.ends.push(End { at: way.last().copied(), limit: error.into() });
             if formal || !matches!(error, SolveError::Overtwist { .. }) {
                 return trace;
             }

@@ -186,16 +186,6 @@ impl Scene {
     pub fn rig_hash(&self) -> u32 {
         hash(&self.rig)
     }
-
-    /// The same of `[envelope]` and `[accuracy]` alone: what any table of a board has to cover.
-    pub fn spec_hash(&self) -> u32 {
-        #[derive(Serialize)]
-        struct TableSpec {
-            envelope: Option<Envelope>,
-            accuracy: Option<Accuracy>,
-        }
-        hash(&TableSpec { envelope: self.envelope, accuracy: self.accuracy })
-    }
 }
 
 /// `[accuracy]`; a refusal says where its numbers can be had.

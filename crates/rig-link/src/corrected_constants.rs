@@ -67,11 +67,6 @@ impl Dropped {
         self.numbers[setting as usize]
     }
 
-    /// Whether the points of the LVDT's calibration were dropped.
-    pub fn contains_lvdt_points(&self) -> bool {
-        self.lvdt_points
-    }
-
     /// The names of the settings that were dropped.
     pub fn names(&self) -> impl Iterator<Item = &'static str> {
         let numbers = Setting::ALL.iter().filter(|setting| self.contains(**setting)).map(|setting| setting.name());
@@ -141,7 +136,7 @@ mod tests {
             let source = if dropped.contains(setting) { &defaults } else { &old };
             assert_eq!(value, source.get(setting), "{setting}");
         }
-        assert_eq!(new.lvdt_curve, if dropped.contains_lvdt_points() { None } else { old.lvdt_curve });
+        assert_eq!(new.lvdt_curve, if dropped.lvdt_points { None } else { old.lvdt_curve });
         let names: Vec<&str> = dropped.names().collect();
         assert_eq!(names.is_empty(), dropped.is_empty());
         names

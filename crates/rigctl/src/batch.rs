@@ -1,27 +1,14 @@
 //! Files of loads and turns, and the answers to them.
 
 use crate::csv_text::columns;
-use crate::failure::{ErrorBody, Failure};
+use crate::failure::{Failure, Refused};
 use crate::options::values::{load, of};
 use crate::output::Output;
 use crate::units::{NUMBER, Quantity};
 use clap::Args;
 use serde::Serialize;
+use serde_json::json;
 use std::path::{Path, PathBuf};
-
-/// A row that failed, as machines read it.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
-pub struct RowError {
-    /// Why it failed.
-    pub error: ErrorBody,
-}
-
-impl RowError {
-    /// A failed row.
-    pub fn new(kind: &str, message: impl ToString) -> Self {
-        Self { error: ErrorBody { kind: kind.into(), message: message.to_string() } }
-    }
-}
 
 /// One load and number of turns, or a file of them.
 #[derive(Debug, Clone, Args)]
@@ -52,14 +39,14 @@ pub struct Query {
 ///
 /// # Errors
 /// If the file cannot be read or lacks a column.
-pub fn read(path: &Path) -> Result<Vec<Result<Query, RowError>>, Failure> {
+pub fn read(path: &Path) -> Result<Vec<Result<Query, Refused>>, Failure> {
     let text = rig_config::files::read_to_string(path).map_err(|e| e.to_string());
     text.and_then(|text| parse(&text)).map_err(|e| Failure::failed(format!("batch file {}: {e}", path.display())))
 }
 
-fn parse(text: &str) -> Result<Vec<Result<Query, RowError>>, String> {
+fn parse(text: &str) -> Result<Vec<Result<Query, Refused>>, String> {
     let query = |row: Result<[f64; 2], String>| {
-        row.map(|[load_n, turns]| Query { load_n, turns }).map_err(|message| RowError::new("bad-row", message))
+        row.map(|[load_n, turns]| Query { load_n, turns }).map_err(|message| Refused::new("bad-row", message))
     };
     Ok(columns(text, ["load_n", "turns"])?.into_iter().map(|(_, row)| query(row)).collect())
 }
@@ -80,7 +67,7 @@ pub fn answer<T: Serialize>(
     at: &At,
     output: &mut Output,
     heading: &str,
-    solve: impl Fn(Query) -> Result<T, RowError>,
+    solve: impl Fn(Query) -> Result<T, Refused>,
     line: impl Fn(&T) -> String,
 ) -> Result<(), Failure> {
     let path = at.batch.as_deref().unwrap_or(Path::new(""));
@@ -96,8 +83,8 @@ pub fn answer<T: Serialize>(
             }
             Err(failure) => {
                 failed += 1;
-                output.object(&failure)?;
-                output.line(format!("{:>10} {:>8}  {}", asked[0], asked[1], failure.error.message))?;
+                output.object(&json!({ "error": failure }))?;
+                output.line(format!("{:>10} {:>8}  {}", asked[0], asked[1], failure.message))?;
             }
         }
     }
@@ -123,7 +110,7 @@ mod tests {
         assert_eq!(rows.len(), 5);
         assert_eq!(rows[0], Ok(Query { load_n: 4.9, turns: 1.5 }));
         for (k, named) in [(1, ["line 4", "turns `zwei`"]), (2, ["line 5", "2 cells"]), (4, ["line 7", "4 cells"])] {
-            let message = &rows[k].as_ref().unwrap_err().error.message;
+            let message = &rows[k].as_ref().unwrap_err().message;
             assert!(named.iter().all(|part| message.contains(part)), "{message}");
         }
         assert!(rows[3].is_ok(), "whether NaN is a twist is the solver's to say");
@@ -166,7 +153,7 @@ mod tests {
         let run = |json: bool| {
             let shown = Shown::default();
             let solve = |q: Query| {
-                if q.load_n > 0.0 { Ok(q.turns) } else { Err(RowError::new("slack", "a slack string")) }
+                if q.load_n > 0.0 { Ok(q.turns) } else { Err(Refused::new("slack", "a slack string")) }
             };
             let ended = answer(&at, &mut Output::new(json, Box::new(shown.clone())), "heading", solve, |turns| {
                 format!("{turns} turns")

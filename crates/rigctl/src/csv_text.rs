@@ -1,6 +1,7 @@
-//! CSV: the rows of a text by the names of their columns, each error with its line and column.
+//! CSV: the rows of a text by the names of their columns, each error with its line and column; and rows as a text.
 
-use csv::{ErrorKind, ReaderBuilder, StringRecord, Trim};
+use csv::{ErrorKind, ReaderBuilder, StringRecord, Trim, Writer, WriterBuilder};
+use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 /// A text as its columns' names, its rows and its comments, which begin with `#`; each with its line, from 1.
@@ -109,4 +110,29 @@ pub fn columns<const N: usize>(text: &str, names: [&str; N]) -> Result<Vec<Numbe
         Ok(numbers)
     };
     Ok(table.rows.iter().map(|numbered| (numbered.0, row(numbered))).collect())
+}
+
+/// Rows as CSV; their fields' names are the header.
+///
+/// # Errors
+/// If a row is nested.
+pub fn named(rows: impl IntoIterator<Item = impl Serialize>) -> anyhow::Result<String> {
+    written(Writer::from_writer(Vec::new()), rows)
+}
+
+/// Rows as CSV below a header, as tuples of as many cells.
+///
+/// # Errors
+/// If a row has another number of cells.
+pub fn below(header: &str, rows: impl IntoIterator<Item = impl Serialize>) -> anyhow::Result<String> {
+    let mut writer = WriterBuilder::new().has_headers(false).from_writer(Vec::new());
+    writer.write_record(header.split(','))?;
+    written(writer, rows)
+}
+
+fn written(mut writer: Writer<Vec<u8>>, rows: impl IntoIterator<Item = impl Serialize>) -> anyhow::Result<String> {
+    for row in rows {
+        writer.serialize(row)?;
+    }
+    Ok(String::from_utf8(writer.into_inner().map_err(|e| e.into_error())?)?)
 }

@@ -4,23 +4,30 @@ use crate::output::ReaderGone;
 use rig_config::{SceneError, TableError};
 use rig_link::HomingFailure;
 use serde::Serialize;
+use tsa_model::SolveError;
 
-/// Why a number could not be computed, as `--json` prints it.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
-pub struct ErrorBody {
+/// A refusal or failure of a kind that programs compare, as `--json` prints it and `serve` answers it
+/// (`crates/rigctl/serve.md`).
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, thiserror::Error)]
+#[error("{message}")]
+pub struct Refused {
     /// Short stable name.
-    pub kind: String,
+    pub kind: &'static str,
     /// In words.
     pub message: String,
 }
 
-/// A failure of a kind that programs compare: those of `crates/rigctl/serve.md`.
-#[derive(Clone, Debug, thiserror::Error)]
-#[error("{message}")]
-pub struct OfKind {
-    /// The kind.
-    pub kind: &'static str,
-    message: String,
+impl Refused {
+    /// Of this kind.
+    pub fn new(kind: &'static str, message: impl Into<String>) -> Self {
+        Self { kind, message: message.into() }
+    }
+}
+
+impl From<SolveError> for Refused {
+    fn from(error: SolveError) -> Self {
+        Self::new(error.kind(), error.to_string())
+    }
 }
 
 /// A homing that failed, by the name that `docs/reference/faults.md` explains.
@@ -94,7 +101,7 @@ impl Failure {
 
     /// The same of a kind that programs compare.
     pub fn of_kind(kind: &'static str, message: impl Into<String>) -> Self {
-        Self::Failed(OfKind { kind, message: message.into() }.into())
+        Self::Failed(Refused::new(kind, message).into())
     }
 
     /// A short stable name of what happened, as the errors of `serve` have it, or `failed`.
@@ -104,7 +111,7 @@ impl Failure {
             Self::Reported => return "failed",
             Self::Failed(error) => error,
         };
-        if let Some(OfKind { kind, .. }) = error.downcast_ref() {
+        if let Some(Refused { kind, .. }) = error.downcast_ref() {
             kind
         } else if let Some(BrokenOff { why, .. }) = error.downcast_ref() {
             match why {
@@ -156,7 +163,7 @@ impl Failure {
     pub fn object(&self) -> Option<serde_json::Value> {
         let Self::Failed(error) = self else { return None };
         let HomingFailed(why) = error.downcast_ref()?;
-        let error = ErrorBody { kind: "homing-failed".into(), message: error.to_string() };
+        let error = Refused::new("homing-failed", error.to_string());
         Some(serde_json::json!({ "error": error, "homing_failure": why.name() }))
     }
 

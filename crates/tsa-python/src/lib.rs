@@ -182,7 +182,7 @@ impl Table {
     ) -> PyResult<Columns<'py>> {
         let table = self.0.table.table();
         columns(py, &load_n, &turns, |query| {
-            let a = rigctl::commands::lookup::look_up(&table, query).map_err(|e| e.error.message)?;
+            let a = rigctl::commands::lookup::look_up(&table, query).map_err(|e| e.message)?;
             Ok([a.contraction_m, a.gap_m, a.tr_rad_per_m, a.dgap_dload_m_per_n].map(f64::from))
         })
     }

@@ -6,6 +6,7 @@ use crate::study::{Sorted, Study};
 use anyhow::{Context, Result};
 use rig_plant::RigPreset;
 use rig_plant::units::STANDARD_GRAVITY;
+use rigctl::csv_text;
 use serde::Serialize;
 
 /// A check over all rigs of a group. SI units.
@@ -139,7 +140,7 @@ impl Results<'_> {
 pub fn files(groups: &[Results<'_>]) -> Result<[(&'static str, String); 2]> {
     let json = groups.iter().map(|group| serde_json::json!({"rows": group.lines(), "failed": group.failures()}));
     let json = serde_json::to_string_pretty(&json.collect::<Vec<_>>())?;
-    Ok([("-summary.csv", lab::csv(groups.iter().flat_map(Results::lines))?), (".json", json)])
+    Ok([("-summary.csv", csv_text::named(groups.iter().flat_map(Results::lines))?), (".json", json)])
 }
 
 fn load_n(finding: &Finding) -> f64 {

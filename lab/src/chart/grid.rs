@@ -56,7 +56,8 @@ impl Grid {
         }
         let x = Axis::linear("turns past the pre-twist", self.turn_range).tight(self.turn_range);
         let ticks = [0.5, 1.0, 2.0, 5.0, 10.0].map(|load| (load, load.to_string()));
-        Panel::new(title, x, Axis::log_named("load, N", self.load_range_n, ticks.to_vec()), items)
+        let y = Axis::log("load, N", self.load_range_n).ticked(ticks).tight(self.load_range_n);
+        Panel::new(title, x, y, items)
     }
 
     /// The edges of cells where [`Self::states`] that are inside meet others; not where a state is neither.

@@ -3,8 +3,8 @@
 use super::grid::Grid;
 use super::margin::{LinearLoop, MAX, OFF, OperatingPoint, with_constants_off};
 use super::{Inputs, Made};
-use crate::table;
 use anyhow::{Context, Result};
+use rigctl::csv_text::below;
 use rigctl::parallel::{Progress, parallel};
 use rigctl::plot::{Axis, Block, Figure, INK, Item, KeyRow, Panel, Pen, RGBColor, colour, extent};
 use tsa_model::{Mechanism, twist_from_turns};
@@ -125,7 +125,7 @@ pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
         ],
     };
     let header = "loop,kind,load_n,turns,delay_s,period_s,gain_margin";
-    Made::new(&figure, table(header, rows)?, findings)
+    Made::new(&figure, below(header, rows)?, findings)
 }
 
 /// Where the firmware's loop, which stands on the table's ratio, is weakest on mechanisms that are not the table's.

@@ -7,10 +7,10 @@
 use super::grid::Grid;
 use super::work_precision::in_words;
 use super::{Inputs, Made};
-use crate::table;
 use anyhow::Result;
 use baseline_methods::Method;
 use rig_config::Scene;
+use rigctl::csv_text::below;
 use rigctl::parallel::{Progress, parallel};
 use rigctl::plot::{Axis, Block, Figure, INK, KeyRow, Panel, Pen, RGBColor};
 use std::f64::consts::PI;
@@ -186,7 +186,7 @@ pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
             panel.items.extend([UNDER, SAFE].into_iter().flat_map(|pen| grid.edges(&safe, pen)));
             let ticks = [0.5, 2.0, 5.0, 10.0].map(|load| (load, format!("{load} N")));
             let x = if m + 1 == methods.len() { panel.x } else { panel.x.unnamed() };
-            panels[m].push(Panel { x, y: Axis::log_named(in_words(name), LOAD_N, ticks.to_vec()), ..panel });
+            panels[m].push(Panel { x, y: Axis::log(in_words(name), LOAD_N).ticked(ticks).tight(LOAD_N), ..panel });
             let what = (of, span_m, radius_m, *name);
             rows.extend(grid.states().iter().zip(&outcomes).zip(&safe).map(|(((load, turns), found), safe)| {
                 let (outcome, evaluations, kind) = *found;
@@ -215,5 +215,5 @@ pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
         )],
     };
     let header = "rod,rod_span_m,rod_radius_m,method,load_n,turns,outcome,error_kind,safe_zone,evaluations";
-    Made::new(&figure, table(header, rows)?, findings)
+    Made::new(&figure, below(header, rows)?, findings)
 }

@@ -1,9 +1,9 @@
 //! How many bytes a table needs for an accuracy, form by form.
 
 use super::{Inputs, Made};
-use crate::table;
 use anyhow::{Result, bail};
 use rig_config::{Accuracy, Scene, TableError};
+use rigctl::csv_text::below;
 use rigctl::parallel::parallel;
 use rigctl::plot::{Axis, Block, Figure, INK, Item, KeyRow, Panel, Pen, Shape, colour, extent};
 use serde::Serialize;
@@ -86,7 +86,7 @@ pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
     };
     let header = "asked_m,form,size,load_map,bytes,contraction_error_m,tr_relative_error,predicted_instructions,\
          passes";
-    let csv = table(header, fits.iter().flat_map(rows))?;
+    let csv = below(header, fits.iter().flat_map(rows))?;
     Made::new(&figure, csv, fits.iter().map(finding).collect())
 }
 

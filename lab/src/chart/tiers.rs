@@ -2,9 +2,9 @@
 
 use super::grid::Grid;
 use super::{Inputs, Made};
-use crate::table;
 use anyhow::{Context, Result};
 use rig_config::Scene;
+use rigctl::csv_text::below;
 use rigctl::parallel::parallel;
 use rigctl::plot::{Block, Figure, KeyRow, Panel, RGBColor};
 use tsa_model::{Mechanism, SolveError, Tier, TierError, twist_from_turns};
@@ -89,7 +89,7 @@ pub fn maps(inputs: &Inputs<'_>) -> Result<Made> {
         ],
     };
     let header = "scene,wanted_m,load_n,turns,tier,contraction_error_m";
-    Made::new(&figure, table(header, rows)?, findings)
+    Made::new(&figure, below(header, rows)?, findings)
 }
 
 /// A line of `scenes.csv`: the scene and the accuracy that it asks for; the tier, and how much of the plane each is enough for; the
@@ -114,7 +114,7 @@ pub fn scenes(inputs: &Inputs<'_>) -> Result<Made> {
         )
     };
     let findings = needed.iter().map(finding).collect();
-    Ok(Made { csv: table(NEEDED, needed)?, findings, ..Made::default() })
+    Ok(Made { csv: below(NEEDED, needed)?, findings, ..Made::default() })
 }
 
 fn needed(scene: &Scene, name: &'static str) -> Result<Needed> {

@@ -1,10 +1,10 @@
 //! Work against precision on the desktop: the cost of an equilibrium by every method and tier, and its error; measured and drawn.
 
 use super::{Inputs, Made};
-use crate::table;
 use anyhow::Result;
 use baseline_methods::Method;
 use rig_config::Scene;
+use rigctl::csv_text::below;
 use rigctl::parallel::Progress;
 use rigctl::plot::{Axis, Block, Figure, Item, KeyRow, Panel, Pen, RGBColor, Shape, colour};
 use serde::Deserialize;
@@ -225,7 +225,7 @@ pub fn make(inputs: &Inputs<'_>) -> Result<Made> {
         ],
     };
     let rows = cases.iter().flat_map(Measured::rows).chain(peers.iter().map(|peer| peer.row(&peers)));
-    let csv = table(HEADER, rows)?;
+    let csv = below(HEADER, rows)?;
     Ok(Made { left_out, ..Made::new(&figure, csv, cases.iter().flat_map(findings).collect())? })
 }
 

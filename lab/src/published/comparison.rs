@@ -2,10 +2,10 @@
 
 use super::contradictions;
 use super::numbers::{self, Computed, Kind, Ratio, Row, changed_mechanism};
-use crate::table;
 use anyhow::Result;
 use rig_config::Scene;
-use rigctl::failure::ErrorBody;
+use rigctl::csv_text::below;
+use rigctl::failure::Refused;
 use rigctl::identify::data::Quantity;
 use rigctl::statistics::Errors;
 use serde::Serialize;
@@ -26,16 +26,16 @@ pub(super) struct Set {
     pub name: String,
     pub scene: Scene,
     /// A number or a limit for each row.
-    pub numbers: Vec<Result<Computed, ErrorBody>>,
+    pub numbers: Vec<Result<Computed, Refused>>,
     /// The same for each quoted ratio.
-    pub ratios: Vec<Result<f64, ErrorBody>>,
+    pub ratios: Vec<Result<f64, Refused>>,
 }
 
 /// A set, a printed number, and what is computed for it.
-type Line<'a> = (&'a Set, &'a Row, &'a Result<Computed, ErrorBody>);
+type Line<'a> = (&'a Set, &'a Row, &'a Result<Computed, Refused>);
 
 /// Computed over published, less one; none where nothing was computed.
-pub(super) fn relative_error(published: f64, computed: &Result<Computed, ErrorBody>) -> Option<f64> {
+pub(super) fn relative_error(published: f64, computed: &Result<Computed, Refused>) -> Option<f64> {
     computed.as_ref().ok().map(|c| c.value / published - 1.0)
 }
 
@@ -47,7 +47,7 @@ pub(super) fn per_cent(error: Option<f64>) -> String {
 }
 
 /// A number's warnings, or the limit that refused it, in words; none for a number without either.
-pub(super) fn remark(computed: &Result<Computed, ErrorBody>) -> Option<String> {
+pub(super) fn remark(computed: &Result<Computed, Refused>) -> Option<String> {
     match computed {
         Ok(c) if c.warnings.is_empty() => None,
         Ok(c) => Some(c.warnings.join(", ")),
@@ -74,7 +74,7 @@ impl Comparison {
             scene.mechanism()?;
             let ratio = |r: &Ratio| {
                 let mechanism = changed_mechanism(&scene, if inferred { numbers::inferred(&r.place) } else { "" })?;
-                r.compute(&mechanism).map_err(|e| numbers::body(&e))
+                Ok(r.compute(&mechanism)?)
             };
             let numbers = rows.iter().map(|row| row.compute(&scene)).collect();
             Ok(Set { name, numbers, ratios: ratios.iter().map(ratio).collect(), scene })
@@ -120,14 +120,14 @@ impl Comparison {
         let mut ratios = Vec::new();
         for set in &self.sets {
             ratios.extend(self.ratios.iter().zip(&set.ratios).map(|(r, computed)| {
-                let (value, limit) = (computed.as_ref().ok(), computed.as_ref().err().map(|limit| &limit.kind));
+                let (value, limit) = (computed.as_ref().ok(), computed.as_ref().err().map(|limit| limit.kind));
                 let error = value.map(|v| v / r.value - 1.0);
                 let what = (&set.name, &r.id, r.quantity, r.kind, r.load_n, r.to_load_n, r.turns);
                 (what, r.value, value, error, limit, &r.place)
             }));
         }
         let numbers = self.lines().map(|(set, row, computed)| {
-            let (value, limit) = (computed.as_ref().ok(), computed.as_ref().err().map(|limit| &limit.kind));
+            let (value, limit) = (computed.as_ref().ok(), computed.as_ref().err().map(|limit| limit.kind));
             let what = (&set.name, &row.id, &row.quantity, row.kind, row.load_n, &row.changes, row.value);
             let found = (value.map(|c| c.value), relative_error(row.value, computed), limit);
             (what, found, &row.unit, value.map_or(String::new(), |c| c.warnings.join(" ")), &row.place)
@@ -135,7 +135,7 @@ impl Comparison {
         let of_numbers = "scene,id,quantity,kind,load_n,changes,published,computed,error,limit,unit,warnings,where";
         let of_ratios = "scene,id,quantity,kind,load_n,to_load_n,turns,published,computed,error,limit,where";
         let file = |name: &str, content| (name.to_owned(), content);
-        Ok(vec![file("published.csv", table(of_numbers, numbers)?), file("ratios.csv", table(of_ratios, ratios)?)])
+        Ok(vec![file("published.csv", below(of_numbers, numbers)?), file("ratios.csv", below(of_ratios, ratios)?)])
     }
 
     /// Tables, remarks and sums of errors for people, in lines.
@@ -161,7 +161,7 @@ impl Comparison {
                 format!("{id:<28} {quantity:<14} {load_n:>6} to {to_load_n:<5} N {turns:>5} turns {value:>8}");
             for set in &self.sets {
                 let computed = set.ratios[k].as_ref();
-                let shown = computed.map_or_else(|limit| limit.kind.clone(), |v| format!("{v:.4}"));
+                let shown = computed.map_or_else(|limit| limit.kind.to_owned(), |v| format!("{v:.4}"));
                 line += &format!("  {shown:>9}  {:>8}", per_cent(computed.ok().map(|v| v / value - 1.0)));
             }
             lines.push(line);
@@ -213,7 +213,7 @@ impl Comparison {
 }
 
 /// Count, rms, median and worst of some rows' errors.
-fn errors_line(title: &str, rows: &[(&Row, &Result<Computed, ErrorBody>)]) -> String {
+fn errors_line(title: &str, rows: &[(&Row, &Result<Computed, Refused>)]) -> String {
     let errors = || rows.iter().filter_map(|(row, c)| Some((relative_error(row.value, c)?, &row.id)));
     let of = |n: usize| if n < rows.len() { format!(" of {}", rows.len()) } else { String::new() };
     let Some((worst, id)) = errors().max_by(|a, b| a.0.abs().total_cmp(&b.0.abs())) else {

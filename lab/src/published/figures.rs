@@ -159,7 +159,7 @@ impl Comparison {
     /// The ratios that the text quotes at a place, and what is computed in their place.
     fn ratio_block(&self, place: &str) -> Block {
         let rows = self.ratios.iter().enumerate().filter(|(_, ratio)| ratio.place == place).map(|(k, ratio)| {
-            let cell = |set: &Set| set.ratios[k].as_ref().map_or_else(|e| e.kind.clone(), |v| format!("{v:.3}"));
+            let cell = |set: &Set| set.ratios[k].as_ref().map_or_else(|e| e.kind.to_owned(), |v| format!("{v:.3}"));
             let Ratio { quantity, load_n, to_load_n, turns, value, .. } = ratio;
             let quantity = match quantity {
                 RatioQuantity::Contraction => "contraction",

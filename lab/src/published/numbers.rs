@@ -2,7 +2,7 @@
 
 use crate::scene_key::{self, KeyError};
 use rig_config::Scene;
-use rigctl::failure::ErrorBody;
+use rigctl::failure::Refused;
 use rigctl::identify::data::Quantity;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
@@ -75,9 +75,9 @@ impl Row {
     ///
     /// # Errors
     /// The limit of the model, or the parameter of the changed scene, that leaves no number.
-    pub fn compute(&self, scene: &Scene) -> Result<Computed, ErrorBody> {
+    pub fn compute(&self, scene: &Scene) -> Result<Computed, Refused> {
         let mechanism = changed_mechanism(scene, &self.changes)?;
-        let at = |turns| mechanism.formal(self.load_n, twist_from_turns(turns)).map_err(|e| body(&e));
+        let at = |turns| mechanism.formal(self.load_n, twist_from_turns(turns)).map_err(Refused::from);
         let end = at(self.turns())?;
         let (value, start) = match self.group() {
             Quantity::Contraction => {
@@ -117,8 +117,8 @@ pub fn apply(scene: &Scene, changes: &str) -> Result<Scene, KeyError> {
 ///
 /// # Errors
 /// The kind `parameter` and the key in words.
-pub fn changed_mechanism(scene: &Scene, changes: &str) -> Result<Mechanism, ErrorBody> {
-    let refused = |message: String| ErrorBody { kind: "parameter".into(), message };
+pub fn changed_mechanism(scene: &Scene, changes: &str) -> Result<Mechanism, Refused> {
+    let refused = |message: String| Refused::new("parameter", message);
     apply(scene, changes).map_err(|e| refused(e.to_string()))?.mechanism().map_err(|e| refused(e.to_string()))
 }
 
@@ -221,11 +221,6 @@ pub fn warnings<'a>(states: impl IntoIterator<Item = &'a Equilibrium>) -> Vec<&'
     names.sort_unstable();
     names.dedup();
     names
-}
-
-/// An error of the model as `--json` prints it.
-pub fn body(error: &SolveError) -> ErrorBody {
-    ErrorBody { kind: error.kind().into(), message: error.to_string() }
 }
 
 #[cfg(test)]

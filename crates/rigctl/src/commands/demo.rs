@@ -1,6 +1,7 @@
 //! `demo`: three loads that the firmware does not know, each on a fresh emulated board, homed and moved to the same
 //! position at the same speed.
 
+use crate::csv_text::below;
 use crate::failure::Failure;
 use crate::options::Global;
 use crate::out_file::{folder, write_file};
@@ -85,12 +86,10 @@ pub fn run(global: &Global, Demo { out }: &Demo, output: &mut Output) -> Result<
 }
 
 fn csv(outcomes: &[RecordedMove], options: &SimOptions) -> Result<String, Failure> {
-    let mut rows = csv::Writer::from_writer(Vec::new());
-    for (load_kg, r) in outcomes.iter().flat_map(|o| o.rows.iter().map(|r| (o.load_kg, r))) {
+    let rows = outcomes.iter().flat_map(|o| o.rows.iter().map(|r| (o.load_kg, r))).map(|(load_kg, r)| {
         let (t_s, measured) = (format!("{:.6}", r.t_s), (r.setpoint_m, r.position_m, r.true_position_m, r.twist_rad));
-        rows.serialize((load_kg, t_s, measured, r.load_n, r.tr_rad_per_m, r.drive_speed_rad_per_s))?;
-    }
-    let rows = String::from_utf8(rows.into_inner().map_err(csv::IntoInnerError::into_error)?)?;
+        (load_kg, t_s, measured, r.load_n, r.tr_rad_per_m, r.drive_speed_rad_per_s)
+    });
     let names = "load_kg,t_s,setpoint_m,position_m,true_position_m,twist_rad,load_n,tr_rad_per_m,drive_speed_rad_per_s";
-    Ok(format!("# emulated: firmware ELF on an {options}\n{names}\n{rows}"))
+    Ok(format!("# emulated: firmware ELF on an {options}\n{}", below(names, rows)?))
 }

@@ -1,8 +1,8 @@
 //! `lookup`: what the firmware would answer.
 
 use super::solve::EXACT_M;
-use crate::batch::{self, At, Query, RowError};
-use crate::failure::Failure;
+use crate::batch::{self, At, Query};
+use crate::failure::{Failure, Refused};
 use crate::options::Global;
 use crate::output::Output;
 use crate::units::{MM, MM_PER_N, NUMBER, RAD_PER_MM};
@@ -32,11 +32,11 @@ pub struct Answer {
 ///
 /// # Errors
 /// The parameter that is outside the table.
-pub fn look_up(table: &Table<'_>, query: Query) -> Result<Answer, RowError> {
+pub fn look_up(table: &Table<'_>, query: Query) -> Result<Answer, Refused> {
     let Query { load_n, turns } = query;
     for (name, value) in [("load_n", load_n), ("turns", turns)] {
         if !value.is_finite() {
-            return Err(RowError::new("not-finite", format!("{name} {value} is not a finite number")));
+            return Err(Refused::new("not-finite", format!("{name} {value} is not a finite number")));
         }
     }
     let (load, twist) = (load_n as f32, twist_from_turns(turns) as f32);
@@ -44,7 +44,7 @@ pub fn look_up(table: &Table<'_>, query: Query) -> Result<Answer, RowError> {
     let (point, contraction_m) = answer.map_err(|e| {
         // The operator gave turns, the table's error has radians: the message names both.
         let asked = if e.parameter == "twist_rad" { format!("turns {turns}: ") } else { String::new() };
-        RowError::new("out-of-range", format!("{asked}{e}"))
+        Refused::new("out-of-range", format!("{asked}{e}"))
     })?;
     Ok(Answer {
         load_n,
@@ -90,7 +90,7 @@ pub fn run(global: &Global, Lookup { at }: &Lookup, output: &mut Output) -> Resu
     let Some(query) = at.one() else {
         return batch::answer(at, output, &heading, |query| look_up(&table, query), line);
     };
-    let answer = look_up(&table, query).map_err(|refused| Failure::failed(refused.error.message))?;
+    let answer = look_up(&table, query)?;
     output.object(&answer)?;
     output.line(heading)?;
     Ok(output.line(line(&answer))?)

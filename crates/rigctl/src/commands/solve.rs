@@ -1,7 +1,7 @@
 //! `solve`: equilibria, by any method and tier of the model.
 
-use crate::batch::{self, At, Query, RowError};
-use crate::failure::Failure;
+use crate::batch::{self, At, Query};
+use crate::failure::{Failure, Refused};
 use crate::options::Global;
 use crate::options::values::{AUTO, METHODS, methods, tiers, tolerance};
 use crate::output::Output;
@@ -21,10 +21,12 @@ const TR_INFINITE: &str = "tr-infinite";
 /// Example: `rigctl solve --load 0.5kg --turns 3`
 #[derive(Debug, Args)]
 pub struct Solve {
+    /// Where.
     #[command(flatten)]
-    at: At,
+    pub at: At,
+    /// How.
     #[command(flatten)]
-    how: How,
+    pub how: How,
 }
 
 impl Solve {
@@ -236,7 +238,7 @@ pub fn answer(at: &At, scene: &Scene, way: Way<'_>, output: &mut Output) -> Resu
                 s.warnings.join(", ")
             )
         };
-        let solve = |query| solve(&mechanism, way, query).map_err(|e| RowError::new(e.kind(), e));
+        let solve = |query| solve(&mechanism, way, query).map_err(Refused::from);
         return batch::answer(at, output, &heading, solve, line);
     };
     let s = solve(&mechanism, way, query)?;

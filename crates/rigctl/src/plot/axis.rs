@@ -66,12 +66,6 @@ impl Axis {
         Self { ticks: ticks.into_iter().collect(), ..self }
     }
 
-    /// Equal ratios between these limits, with ticks that are named.
-    pub fn log_named(label: impl Into<String>, [low, high]: [f64; 2], ticks: Vec<(f64, String)>) -> Self {
-        let ticks = ticks.into_iter().filter(|(v, _)| (low..=high).contains(v)).collect();
-        Self { label: label.into(), low, high, log: true, ticks }
-    }
-
     /// Names from top to bottom, the `k`th at −k.
     pub fn names<T: Into<String>>(names: impl IntoIterator<Item = T>) -> Self {
         let ticks: Vec<(f64, String)> = names.into_iter().enumerate().map(|(k, n)| (-(k as f64), n.into())).collect();

@@ -1,7 +1,7 @@
 //! Orders that were given to the board and have not ended. The board replies to each; one that has begun a motion ends with
 //! an event.
 
-use super::Refused;
+use crate::failure::Refused;
 use crate::output::decimal;
 use crate::session::motion::end_of;
 use rig_link::{Accepted, EventKind, Refusal, Request, State};

@@ -15,26 +15,11 @@ pub mod socket;
 pub use server::serve;
 pub use socket::Socket;
 
+use crate::failure::Refused;
 use serde_json::{Map, Value, json};
 
 /// Name and version of the protocol, in the greeting of every client.
 pub const PROTOCOL: &str = "tsa-serve 1";
-
-/// A refusal or failure: its kind, which programs compare, and words for people.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Refused {
-    /// One of the kinds that `crates/rigctl/serve.md` lists.
-    pub kind: &'static str,
-    /// In words.
-    pub message: String,
-}
-
-impl Refused {
-    /// Of this kind.
-    pub fn new(kind: &'static str, message: impl Into<String>) -> Self {
-        Self { kind, message: message.into() }
-    }
-}
 
 /// The answer to a client's line, with the `id` that it gave.
 pub fn answer(id: Option<&Value>, result: Result<Value, Refused>) -> String {
@@ -44,7 +29,7 @@ pub fn answer(id: Option<&Value>, result: Result<Value, Refused>) -> String {
     }
     match result {
         Ok(done) => object.insert("done".into(), done),
-        Err(Refused { kind, message }) => object.insert("error".into(), json!({"kind": kind, "message": message})),
+        Err(refused) => object.insert("error".into(), json!(refused)),
     };
     Value::Object(object).to_string()
 }

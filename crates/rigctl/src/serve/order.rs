@@ -1,7 +1,7 @@
 //! What a line of a client means.
 
-use super::Refused;
 use super::client::LONGEST;
+use crate::failure::Refused;
 use crate::request;
 use rig_link::Request;
 use serde_json::{Map, Value};

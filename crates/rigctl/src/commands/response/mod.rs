@@ -3,6 +3,7 @@
 mod figure;
 
 use super::motion::home_first;
+use crate::csv_text;
 use crate::failure::Failure;
 use crate::options::Global;
 use crate::options::values::of;
@@ -131,11 +132,7 @@ impl Response {
             if row.state == State::Moving { rows.push(row.clone()) } else { rows.clear() }
         })?;
         let lines = lines(&rows, self.period_s(), &places)?;
-        let mut text = csv::Writer::from_writer(Vec::new());
-        for line in &lines {
-            text.serialize(line).map_err(|e| Failure::failed(e.to_string()))?;
-        }
-        out.write(text.into_inner().map_err(|e| Failure::failed(e.to_string()))?)?;
+        out.write(csv_text::named(&lines)?)?;
         if let Some(picture) = picture {
             let [at, amplitude] = [self.at, self.amplitude].map(|length| MM.exact(length));
             let board = target.emulated().map_or_else(|| format!("board at {}", target.port()), ToString::to_string);
