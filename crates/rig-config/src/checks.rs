@@ -185,6 +185,9 @@ struct States {
     load_n: f64,
 }
 
+/// Turns past the pre-twist at which the strings have no twist.
+const ZERO_TWIST: f64 = -0.5;
+
 /// Loads and twists at which the envelope is solved along each of its edges.
 const STEPS: u32 = 4;
 
@@ -193,21 +196,20 @@ impl States {
         let Some(envelope) = scene.envelope else { return Ok(None) };
         let mechanism = scene.mechanism()?;
         let solve = |load_n: f64, turns: f64| {
-            // Zero twist, where the gap has its maximum and which homing passes, is half a turn before the first.
-            let twist = if turns < 0.0 { 0.0 } else { tsa_model::twist_from_turns(turns) };
             let failed = |limit: SolveError| SceneError::Unsolvable { load_n, turns, limit };
-            mechanism.solve(load_n, twist).map_err(failed)
+            mechanism.solve(load_n, tsa_model::twist_from_turns(turns)).map_err(failed)
         };
         let along =
             |[from, to]: [f64; 2]| (0..=STEPS).map(move |k| from + (to - from) * f64::from(k) / f64::from(STEPS));
         let [min_n, max_n] = envelope.load_n;
-        // The gap falls with the twist and rises with the load; torque and slope are largest at the last twist or
-        // load.
+        // The gap falls with the twist and rises with the load; the slope is largest at the last twist or load, and the
+        // torque either there or where the strings are still open. Homing passes these twists, from zero on, where the gap has
+        // its maximum.
         let edges = along(envelope.load_n)
             .map(|load_n| (load_n, envelope.turns[1]))
             .chain(along(envelope.turns).flat_map(|turns| [(min_n, turns), (max_n, turns)]))
-            .chain([(max_n, -0.5)]);
-        let start = At { value: 0.0, load_n: max_n, turns: -0.5 };
+            .chain(along([ZERO_TWIST, envelope.turns[0]]).map(|turns| (max_n, turns)));
+        let start = At { value: 0.0, load_n: max_n, turns: ZERO_TWIST };
         let mut states = Self {
             gap_m: [At { value: f64::INFINITY, ..start }, start],
             torque_nm: start,
@@ -218,12 +220,15 @@ impl States {
         for (load_n, turns) in edges {
             let found = solve(load_n, turns)?;
             let at = |value: f64| At { value, load_n, turns };
+            // Where lighter loads have no equilibrium at this twist, there is only the paper's relation.
+            let conservative = mechanism.conservative_torque_nm(load_n, tsa_model::twist_from_turns(turns));
+            let torque_nm = conservative.unwrap_or(found.torque_nm);
             if found.gap_m < states.gap_m[0].value {
                 states.gap_m[0] = at(found.gap_m);
             }
             for (max, value) in [
                 (&mut states.gap_m[1], found.gap_m),
-                (&mut states.torque_nm, found.torque_nm.abs()),
+                (&mut states.torque_nm, torque_nm.abs()),
                 (&mut states.slope_m_per_rad, found.dgap_dtwist_m_per_rad.abs()),
             ] {
                 if value > max.value {
@@ -238,7 +243,7 @@ impl States {
 impl std::fmt::Display for At {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let load = short(self.load_n);
-        if self.turns < 0.0 {
+        if self.turns == ZERO_TWIST {
             write!(f, "at {load} N and zero twist")
         } else {
             write!(f, "at {load} N and {} turns", short(self.turns))

@@ -55,14 +55,15 @@ lvdt_stroke_m = 0.111; lvdt_volts_at_stroke = 3.3 | rig.lvdt_volts_at_stroke; ze
 motor_torque_constant_nm_per_a = 22.9 | rig.motor_torque_constant_nm_per_a; rig.supply_voltage_v; 24 V; N m/A | motor_torque_constant_nm_per_a = 0.0229
 motor_torque_constant_nm_per_a = 1e-4 | rig.motor_torque_constant_nm_per_a; envelope.load_n; 0.5 A | motor_torque_constant_nm_per_a = 0.005
 drive_current_limit_a = 0.001 | rig.drive_current_limit_a; 0.001 A; 18 N | drive_current_limit_a = 0.1
-motor_resistance_ohm = 1e6 | rig.motor_resistance_ohm; 19.2 V | motor_resistance_ohm = 1000.0
+motor_resistance_ohm = 1e6 | rig.motor_resistance_ohm; 19.2 V | motor_resistance_ohm = 600.0
 rotor_inertia_kg_m2 = 1.2 | rig.rotor_inertia_kg_m2; kg m² | rotor_inertia_kg_m2 = 9e-7
 motor_speed_max_rad_per_s = 0.001 | rig.motor_speed_max_rad_per_s; rig.gear_ratio; homing from 7.5 turns; 42 s | motor_speed_max_rad_per_s = 285.0
 motor_speed_max_rad_per_s = 260.0 | rig.motor_speed_max_rad_per_s; 2483 rpm; 42 s | motor_speed_max_rad_per_s = 300.0
 turns = [0.0, 8.0]; load_n = [10.0, 11.0]; gear_ratio = [248, 1] | envelope.turns; homing from 8 turns; 42 s | turns = [0.0, 7.0]; load_n = [10.0, 11.0]; gear_ratio = [248, 1]
 encoder_lines = 1 | rig.encoder_lines; 15000 rpm; 9998 rpm; accuracy.contraction_m | encoder_lines = 16
 encoder_lines = 16384 | rig.encoder_lines; 32767 | encoder_lines = 4096
-gear_ratio = [1, 1] | rig.gear_ratio; envelope.load_n; 1:1; 0.5 A | gear_ratio = [2, 1]
+# Open strings, which homing passes, pull back with more torque than those of the last turn.
+gear_ratio = [3, 1] | rig.gear_ratio; envelope.load_n; -0.25 turns; 3:1; 0.5 A | gear_ratio = [5, 1]
 gear_ratio = [1, 62] | rig.gear_ratio; 1:62 | gear_ratio = [103, 1]
 gear_ratio = [690, 1] | rig.gear_ratio; 690:1; 42 s | gear_ratio = [200, 1]
 ";
@@ -110,7 +111,7 @@ fn an_unusual_value_is_a_warning() {
         (&[("rod_span_m", "0.010")][..], "geometry.rod_span_m"),
         (&[("supply_divider", "2000.0")], "rig.supply_divider"),
         (&[("lvdt_gap_at_zero_m", "0.044")], "rig.lvdt_gap_at_zero_m"),
-        (&[("drive_current_limit_a", "0.011")], "rig.drive_current_limit_a"),
+        (&[("drive_current_limit_a", "0.033")], "rig.drive_current_limit_a"),
         (&[("rotor_inertia_kg_m2", "2e-6")], "rig.rotor_inertia_kg_m2"),
     ] {
         let unusual = checked(changes);
