@@ -141,9 +141,8 @@ pub fn load(file: &Path, defaults: &SettingValues) -> Result<Backup, Failure> {
     let (values, missing) = log.settings(defaults).map_err(in_file)?;
     let hash = |key: &str| log.header.get(key).and_then(|text| u32::from_str_radix(text, 16).ok());
     let (rig_hash, protocol_hash) = (hash("rig_hash"), hash("protocol_hash"));
-    // A log has no line for points that there are none of.
-    let has_points = values.lvdt_curve.is_some();
-    Ok(Backup { rig_hash, constants: log.constants(), protocol_hash, values, missing, has_points })
+    // A log has no line for points that there are none of, so that a whole head always says which there are.
+    Ok(Backup { rig_hash, constants: log.constants(), protocol_hash, values, missing, has_points: true })
 }
 
 /// The file of a backup as it stands.

@@ -228,11 +228,19 @@ fn a_log_holds_the_calibration_and_is_replayed_and_restored_with_it() {
         let refused = rigctl(&["replay", text(&log)]);
         assert!(refused.status.code() == Some(1) && error_of(&refused).contains(named), "{}", error_of(&refused));
     }
-    // What a log tells of a board makes another one like it, or a plan without one.
+    // What a log tells of a board makes another one like it, or a plan without one. A whole head without points of the LVDT says
+    // that there are none.
     std::fs::write(&log, &first).expect("written");
+    let points = folder.join("points.csv");
+    std::fs::write(&points, "gap_m,sensor_m\n0.09,0.0901\n0.1,0.1\n").expect("written");
+    let calibrate = ["calibrate", "lvdt", "--points", text(&points), "--gauge-error", "10um", "--flash", text(&other)];
+    let calibrated = rigctl(&calibrate);
+    assert!(calibrated.status.success(), "{}", error_of(&calibrated));
     let restored = rigctl(&["config", "restore", text(&log), "--flash", text(&other), "--json"]);
     assert!(restored.status.success(), "{}", error_of(&restored));
-    assert_eq!(lines(&restored)[0]["changed"], 3);
+    assert_eq!(lines(&restored)[0]["changed"], 4);
+    let settings = rigctl(&["config", "get", "--flash", text(&other), "--json"]);
+    assert!(lines(&settings).iter().all(|setting| setting["name"] != "lvdt-points"));
     let plan = ["move", "--to", "-1mm", "--dry-run", "--load", "0.5kg", "--settings", text(&log), "--json"];
     let planned = lines(&rigctl(&plan));
     assert!(planned[0]["setpoint_m"].as_f64().is_some_and(|p| (p + 0.002).abs() < 1e-7), "{:?}", planned.first());
