@@ -243,6 +243,11 @@ mod tests {
         // Written on, where it has taken its place.
         one.write_all(b" and more").expect("written");
         assert_eq!(std::fs::read_to_string(folder.join("x.a")).expect("there"), "one and more");
+        // Nobody else takes its place as long as it is written.
+        let refused = Replacement::new(&folder.join("x.a")).map(|_| ()).map_err(|e| e.kind());
+        assert_eq!(refused, Err(io::ErrorKind::ResourceBusy));
+        drop(one);
+        assert!(Replacement::new(&folder.join("x.a")).is_ok());
         std::fs::remove_dir_all(folder).expect("was there");
     }
 
