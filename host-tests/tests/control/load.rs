@@ -8,8 +8,9 @@ use host_tests::rigs::commission::Firmware;
 use host_tests::rigs::subject::Subject;
 use rig_config::Uncertainty;
 use rig_control::hysteresis::RodMemory;
-use rig_link::messages::{Doubt, Doubts, Fault, LoadChoice, Refusal, Request, State};
+use rig_link::messages::{Doubt, Doubts, Fault, Limit, LoadChoice, Refusal, Request, State};
 use rig_plant::trial::{Stated, Trial};
+use rig_plant::units::STANDARD_GRAVITY;
 use rig_plant::{RigFault, RigPreset};
 
 /// Constants 10 % off, one at a time and all together, with twice the usual friction.
@@ -310,5 +311,42 @@ fn a_small_change_of_the_load_leaves_no_error_where_nothing_sticks() {
             println!("{seed} {from_kg} -> {to_kg} kg at {at_m} m: {:+.0} um", 1e6 * error_m);
             assert!(error_m.abs() < 30e-6, "{from_kg} -> {to_kg} kg at {at_m} m: {error_m} m");
         }
+    }
+}
+
+/// At 19.5 V the motor turns slower than the set-point of the shaft. When this stops, the shaft still has a way to go.
+#[test]
+fn a_changed_load_is_brought_back_by_a_motor_that_is_slower_than_the_scene_says() {
+    for seed in 1..4 {
+        let mut d = super::homed(&[("supply_voltage", "19.5V")], "1.2kg", "0.2N", seed);
+        d.tick(Some(super::go(0.005, 0.01)));
+        d.run(6.0);
+        d.rig.set_plant("load", "0.5kg").unwrap();
+        d.run(6.0);
+        // The lighter load hangs higher, where the strings' travel ends.
+        let last = &d.last.as_ref().unwrap().telemetry;
+        assert_eq!(
+            (last.state, last.limit),
+            (State::Holding, Some(Limit::Travel)),
+            "seed {seed}: {:?}",
+            d.control.fault()
+        );
+    }
+}
+
+/// The strings turn for a second and more, while it is known already that the load has become another one.
+#[test]
+fn a_heavy_load_of_which_half_is_taken_off_comes_back_without_a_fault() {
+    for seed in 1..4 {
+        let rig = Subject::new(RigPreset::Hard, seed).switched_on(1.6 * STANDARD_GRAVITY).expect("a rig");
+        let mut d = ControlBench::on(rig, host_tests::booted());
+        d.home().unwrap();
+        d.tick(Some(super::go(0.008, 0.01)));
+        d.run(6.0);
+        d.rig.set_plant("load", "0.8kg").unwrap();
+        d.run(6.0);
+        let error_m = d.true_position_m() - 0.008;
+        println!("seed {seed}: {:?}, {:.0} um", d.control.fault(), 1e6 * error_m);
+        assert!(d.control.state() == State::Holding && error_m.abs() < 0.3e-3, "seed {seed}: {:?}", d.control.fault());
     }
 }

@@ -133,6 +133,8 @@ pub struct Controller {
     stream_ended_us: Option<u64>,
     /// Set-point of the shaft (rad as the own encoder counts) and its speed (rad/s).
     shaft: Ramp,
+    /// How fast the set-point has turned lately (rad/s): a shaft that is behind it may still have to.
+    speed_lately: f32,
     /// Whether the drive follows a position. It does once the directions are proven since its start. Until then it applies a
     /// voltage, 0 except in the check of the directions, so that a motor or an encoder of the wrong sign cannot run away; the
     /// shorted motor brakes the load and does not hold it. Only a restart of the drive changes this.
@@ -171,6 +173,7 @@ impl Controller {
             heaviest_n: 0.0,
             stream_ended_us: None,
             shaft: Ramp::at(0.0),
+            speed_lately: 0.0,
             closed_loop: false,
             // The drive may still follow the last command of the run before.
             restart_drive: true,

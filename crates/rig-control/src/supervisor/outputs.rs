@@ -1,7 +1,7 @@
 //! The command to the drive, and what the host is shown, read from the rig after a step.
 
 use super::fault_policy::{Response, UNHEARD};
-use super::guard::{drive_is_silent, healthy_lag_rad};
+use super::guard::{LAG_S, drive_is_silent, healthy_lag_rad};
 use super::modes::Mode;
 use super::{Controller, Inputs};
 use crate::sensors::DriveReading;
@@ -41,7 +41,7 @@ impl Controller {
     }
 
     /// To the shaft's set-point; `None` where the drive's zero is not known, or the set-point is not finite.
-    fn follow(&self, inputs: &Inputs) -> Option<DriveCommand> {
+    fn follow(&mut self, inputs: &Inputs) -> Option<DriveCommand> {
         let offset = self.sensing.drive_zero.offset()?;
         let DriveReading::Reports { position_qc, .. } = inputs.drive else { return None };
         let lag_s = self.tracking.as_ref().map_or(0.0, |tracking| tracking.homed.found.drive_lag_s);
@@ -57,8 +57,11 @@ impl Controller {
         let here = i64::from(position_qc);
         let position = (whole_counts(counts) - offset).clamp(here - max_lag, here + max_lag);
         let position = position.clamp(i64::from(i32::MIN), i64::from(i32::MAX));
-        // Room to catch up, not more: a wrong target must not be reached at full speed.
-        let speed = (1.3 * self.shaft.speed.abs() + 1.0).min(self.constants.twist_speed_max());
+        // Room to catch up, not more: a wrong target must not be reached at full speed. A shaft that could not follow a fast set-point
+        // has its speed for a while after that has stopped, but not in a fault.
+        let lately = if matches!(self.mode, Mode::Fault) { 0.0 } else { (1.0 - TICK_S / LAG_S) * self.speed_lately };
+        self.speed_lately = self.shaft.speed.abs().max(lately);
+        let speed = (1.3 * self.speed_lately + 1.0).min(self.constants.twist_speed_max());
         // The first hold after a start needs no more, and cannot do much.
         let current = if self.sensing.drive_zero.is_matched() { 1.0 } else { STARTING_CURRENT };
         Some(DriveCommand::Follow {

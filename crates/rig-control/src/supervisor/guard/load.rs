@@ -21,13 +21,15 @@ impl LoadChecks {
     pub(super) fn lags(&mut self, rig: &Controller) -> bool {
         let at_end = rig.state() == State::Holding && rig.limit == Some(Limit::Travel);
         let controlled = rig.mode.load_control().zip(rig.tracking.as_ref());
-        let off = controlled.is_some_and(|(control, tracking)| {
-            !at_end && (control.planner.set_point_m() - tracking.position_m).abs() > FOLLOW_M
+        let behind_m =
+            controlled.map_or(0.0, |(control, tracking)| control.planner.set_point_m() - tracking.position_m);
+        let off = !at_end && behind_m.abs() > FOLLOW_M;
+        // A load that has changed swings, then it comes back as fast as the motor can; one that is jammed does neither.
+        let comes = rig.tracking.as_ref().is_some_and(|tracking| {
+            let rises = tracking.observer.direction;
+            tracking.observation.is_some_and(|o| o.moved_m > 0.0 && (o.changing || rises * behind_m > 0.0))
         });
-        // A load that has changed moves, and one that is jammed does not.
-        let observation = rig.tracking.as_ref().and_then(|tracking| tracking.observation);
-        let changed = observation.is_some_and(|o| o.changing && o.moved_m > 0.0);
-        let lags = lasts(&mut self.follow_ticks, off && !changed, SHORT_TICKS);
+        let lags = lasts(&mut self.follow_ticks, off && !comes, SHORT_TICKS);
         // A load that has changed must be known and brought back.
         lasts(&mut self.changed_ticks, off, LONG_TICKS) || lags
     }

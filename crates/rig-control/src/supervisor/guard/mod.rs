@@ -26,7 +26,7 @@ use gap::GapChecks;
 use load::LoadChecks;
 use rig_link::messages::{Fault, Faults, State};
 use shaft::ShaftChecks;
-pub(super) use shaft::healthy_lag_rad;
+pub(super) use shaft::{LAG_S, healthy_lag_rad};
 use switches::Switches;
 use timing::TickTiming;
 

@@ -14,7 +14,7 @@ use rig_link::messages::State;
 /// How far the shaft may stay behind its set-point, or go away from where it is held (rad): ten times the overshoot of a shaft
 /// that is stopped from a fast move of the emulated rig; and how far besides while it turns (s of its speed).
 const LAG_RAD: f32 = 0.8;
-const LAG_S: f32 = 0.25;
+pub(in crate::supervisor) const LAG_S: f32 = 0.25;
 /// Neither encoder input sees the shaft if both counts stay within the first of these (rad) while they are off the set-point by more
 /// than the second, at which a healthy drive turns its motor at once.
 const UNSEEN_RAD: [f32; 2] = [0.02, 0.05];
