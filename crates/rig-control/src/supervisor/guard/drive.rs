@@ -22,6 +22,7 @@ const SUPPLY_OLD_US: u64 = 150_000;
 #[derive(Clone, Copy, Debug, Default)]
 pub(in crate::supervisor) struct DriveChecks {
     disagree_ticks: u16,
+    own_turns_ticks: u16,
     /// Own and drive's counts when they began to disagree.
     disagreed_at: Option<[i64; 2]>,
     /// Last reported position (the drive's own counts).
@@ -97,15 +98,17 @@ impl DriveChecks {
         let Some(apart) = apart else { return found };
         let jumped = (moved_counts.abs() > max_counts(tick_s)).then_some(Fault::EncoderJump);
         if let Some(fault) =
-            jumped.or_else(|| self.disagreement([own, drive_counts], apart, !agree)).filter(|_| started)
+            jumped.or_else(|| self.disagreement([own, drive_counts], moved_counts, apart, !agree)).filter(|_| started)
         {
             found.insert(fault);
         }
         found
     }
 
-    /// How own and drive's counts, which are so far apart, disagree, if they do.
-    fn disagreement(&mut self, [own, drive]: [i64; 2], apart: i64, disagree: bool) -> Option<Fault> {
+    /// How own and drive's counts, which are so far apart, disagree, if they do. The own ones have moved by so many in this tick.
+    fn disagreement(&mut self, [own, drive]: [i64; 2], moved: i64, apart: i64, disagree: bool) -> Option<Fault> {
+        // A standing encoder dithers by a count, and one that jumps again stands before and after.
+        let own_turns = lasts(&mut self.own_turns_ticks, moved.abs() > 1, BRIEF_TICKS);
         let [own_then, drive_then] = *self.disagreed_at.get_or_insert([own, drive]);
         if !disagree {
             self.disagreed_at = None;
@@ -114,7 +117,7 @@ impl DriveChecks {
             return None;
         }
         let (own_way, drive_way) = (own - own_then, drive - drive_then);
-        Some(if drive_way.abs() < own_way.abs() / ALIKE_FRACTION && own_way.abs() > DISAGREE_COUNTS / 2 {
+        Some(if own_turns && drive_way.abs() < own_way.abs() / ALIKE_FRACTION && own_way.abs() > DISAGREE_COUNTS / 2 {
             // The drive does not see what it does, and turns on and on.
             Fault::DriveEncoder
         } else if (own_way - drive_way).abs() < apart / ALIKE_FRACTION {
@@ -157,10 +160,12 @@ mod tests {
     /// The first fault of ticks whose own and drive's counts come from these functions of the tick.
     fn first_fault(own: fn(i64) -> i64, drive: fn(i64) -> i64) -> Option<Fault> {
         let mut checks = DriveChecks::default();
-        (0..100).find_map(|k| {
-            let apart = (own(k) - drive(k)).abs();
-            checks.disagreement([own(k), drive(k)], apart, apart > allowed_counts(0.0))
-        })
+        (0..100).find_map(|k| disagreement(&mut checks, own, drive, k))
+    }
+
+    fn disagreement(checks: &mut DriveChecks, own: fn(i64) -> i64, drive: fn(i64) -> i64, k: i64) -> Option<Fault> {
+        let apart = (own(k) - drive(k)).abs();
+        checks.disagreement([own(k), drive(k)], own(k) - own(k - 1), apart, apart > allowed_counts(0.0))
     }
 
     #[test]
@@ -172,6 +177,10 @@ mod tests {
         assert_eq!(first_fault(|k| 600 * k, |k| k % 2), Some(Fault::DriveEncoder));
         // A jump while the shaft stands is the own encoder's.
         assert_eq!(first_fault(|k| if k < 10 { 0 } else { 4096 + k % 2 }, |_| 0), Some(Fault::EncoderJump));
+        // So is the next one, of which the drive sees nothing either: it goes on holding the load.
+        let mut checks = DriveChecks::default();
+        let mut all = (0..100).map(|k| disagreement(&mut checks, |k| 4096 * (k / 20), |_| 0, k));
+        assert!(all.all(|fault| fault != Some(Fault::DriveEncoder)));
         // A disagreement that ends in time is none.
         assert_eq!(first_fault(|k| if k % 8 == 7 { 0 } else { 4096 }, |_| 0), None);
     }
