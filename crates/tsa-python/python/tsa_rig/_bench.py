@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _core
 from ._errors import wrong
-from ._model import Array, Scene, numbers
+from ._model import Array, Scene, numbers, plant_changes, seed
 from ._places import DEFAULT_SCENE, FilePath
 
 TICK_S = 0.01
@@ -56,12 +56,12 @@ def _arguments(
 ) -> tuple[_core.Scene, list[int], list[str]]:
     found = scene if isinstance(scene, Scene) else Scene.load(scene)
     try:
-        drawn = [int(seed) for seed in seeds]
-    except (TypeError, ValueError) as error:
+        given = list(seeds)
+    except TypeError as error:
         raise wrong(f"seeds: {error}") from None
-    if not drawn or min(drawn) < 0 or max(drawn) >= 2**64:
+    if not given:
         raise wrong("seeds must be whole numbers from 0 to 2^64 - 1, at least one")
-    return found._core, drawn, [f"{key}={value}" for key, value in (plant or {}).items()]
+    return found._core, [seed("seeds", value) for value in given], plant_changes(plant)
 
 
 class _Rigs:

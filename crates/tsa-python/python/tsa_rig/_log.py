@@ -25,17 +25,25 @@ def read_log(path: str | PathLike[str]) -> dict[str, NDArray[np.float64] | NDArr
         with open(path, encoding="utf-8", newline="") as stream:
             lines = stream.read().splitlines()
     except FileNotFoundError:
-        raise of_kind("no-file", f"{path}: there is no such log") from None
+        raise of_kind("no-file", f"{path!s}: there is no such log") from None
+    except (IsADirectoryError, UnicodeDecodeError) as error:
+        raise wrong(f"{path!s}: not a log of this tool: {error}") from None
     if not lines or not lines[0].startswith(FORMAT):
         raise wrong(f"{path}: not a log of this tool: its first line is no `{FORMAT} …`")
     names, *rows = list(csv.reader(line for line in lines if line and not line.startswith("#"))) or [[]]
     ends = [line.removeprefix(END) for line in lines if line.startswith(END)]
     if ends != [str(len(rows))] or any(len(row) != len(names) for row in rows):
         raise wrong(f"{path}: cut short after {len(rows)} rows")
+    def number(name: str, cell: str) -> float:
+        try:
+            return float(cell) if cell else np.nan
+        except ValueError:
+            raise wrong(f"{path!s}: {name} `{cell}` is not a number") from None
+
     columns = zip(*rows, strict=True) if rows else [()] * len(names)
     return {
         name: np.array([cell or None for cell in cells], dtype=np.object_)
         if name in WORDS
-        else np.array([float(cell) if cell else np.nan for cell in cells], dtype=np.float64)
+        else np.array([number(name, cell) for cell in cells], dtype=np.float64)
         for name, cells in zip(names, columns, strict=True)
     }

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+import operator
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from os import PathLike
@@ -30,6 +31,31 @@ def numbers(name: str, values: ArrayLike) -> Array:
         raise wrong(f"{name}: {error}") from None
 
 
+def seed(name: str, value: Any) -> int:
+    """A seed; raises ArgumentError, naming it, for anything else."""
+    try:
+        whole = operator.index(value)
+    except TypeError as error:
+        raise wrong(f"{name}: {error}") from None
+    if not 0 <= whole < 2**64:
+        raise wrong(f"{name} {whole} must be a whole number from 0 to 2^64 - 1")
+    return whole
+
+
+def plant_changes(plant: Mapping[str, object] | None) -> list[str]:
+    """Changes of a plant as the tools take them."""
+    if not isinstance(plant, (Mapping, type(None))):
+        raise wrong(f"plant {plant!r} must be a mapping, such as {{'load': '0.5kg'}}")
+    return [f"{key}={value}" for key, value in (plant or {}).items()]
+
+
+def _plain(value: object) -> object:
+    """What JSON has in place of a number or an array of numpy."""
+    if isinstance(value, (np.generic, np.ndarray)):
+        return value.tolist()
+    raise wrong(f"{value!r} cannot stand in a scene")
+
+
 def _columns(
     solve: Callable[[Array, Array], _core.Columns], first: tuple[str, ArrayLike], second: tuple[str, ArrayLike]
 ) -> tuple[Array, Array, list[Array], NDArray[np.str_]]:
@@ -47,7 +73,7 @@ def _columns(
     return ones.copy(), others.copy(), [row.reshape(shape) for row in rows], error.reshape(shape)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Equilibria:
     """Equilibria of the full model. Arrays of one shape.
 
@@ -107,7 +133,7 @@ class Equilibria:
         return {**self.__dict__, "torque_nm": self.torque_nm, "_torque": None}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Looked:
     """The board's own answers (its f32 as f64). Arrays of one shape; outside the table NaN, and `error` says why."""
 
@@ -267,6 +293,9 @@ class Scene:
     def __init__(self, core: _core.Scene) -> None:
         self._core = core
 
+    def __reduce__(self) -> tuple[Callable[[dict[str, Any]], Scene], tuple[dict[str, Any]]]:
+        return Scene.from_dict, (self.as_dict(),)
+
     @classmethod
     def load(cls, path: str | PathLike[str]) -> Scene:
         """From a scene file (TOML): a path, or the name of a scene of this package such as `scenes/default.toml`.
@@ -284,7 +313,7 @@ class Scene:
     @classmethod
     def from_dict(cls, keys: dict[str, Any]) -> Scene:
         """From all keys, as `as_dict` gives them. Raises SceneError, naming the key, if they are not valid."""
-        return cls(_core.Scene.from_json(json.dumps(keys)))
+        return cls(_core.Scene.from_json(json.dumps(keys, default=_plain)))
 
     def with_constants(self, **values: Any) -> Scene:
         """The same scene with other constants, named as in the scene file, for example `rod_radius_m=0.0004`.

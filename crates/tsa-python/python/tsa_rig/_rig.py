@@ -19,7 +19,8 @@ from numpy.typing import ArrayLike, NDArray
 from . import _core
 from ._errors import OperationError, of_kind, wrong
 from ._log import WORDS
-from ._model import numbers
+from ._model import numbers, plant_changes
+from ._model import seed as _seed
 from ._places import DEFAULT_SCENE, FilePath, program
 from ._places import scene as _scene
 
@@ -143,7 +144,7 @@ class Rig:
         SceneError for a scene of a rig that cannot work, ArgumentError for a wrong `rig` or `plant` and for what only
         an emulated rig has, and OperationError if there is no board, or its table is for another scene.
         """
-        changes = [f"{key}={value}" for key, value in (plant or {}).items()]
+        changes, drawn = plant_changes(plant), _seed("seed", seed)
         emulated = {"plant": plant, "flash": flash, "plant_scene": plant_scene, "plant_program": plant_program}
         for name in (name for name, value in emulated.items() if value is not None and port != "sim"):
             raise wrong(f"{name} is of an emulated rig, not of port {port!r}")
@@ -153,7 +154,7 @@ class Rig:
         of_plant = None if plant_scene is None else _scene(plant_scene)
         folder = program("rig-emulator", found, programs).parent if port == "sim" else None
         self._board = _core.Board(
-            port, found, rig, seed, changes, folder, flash, of_plant, plant_program, not check_scene
+            port, found, rig, drawn, changes, folder, flash, of_plant, plant_program, not check_scene
         )
         self.config, self.scene = Config(self._board), found
         self._rows: list[Object] = []
@@ -269,7 +270,14 @@ class Rig:
             raise wrong("points and gap_m do not go together")
         if point is not None and gap_m is None:
             raise wrong("point needs gap_m, the true gap now")
+        if points is not None and not Path(points).is_file():
+            raise of_kind("no-file", f"points: file {fspath(points)} is not there")
         where = None if points is None else fspath(points)
+        if gap_m is not None:
+            gap_m = float(_finite("gap_m", gap_m, ()))
+        if point is not None:
+            first, second = _finite("point", point, (2,))
+            point = float(first), float(second)
         return dict(json.loads(self._board.calibrate_lvdt(gap_m, point, where, gauge_error_m)))
 
     def make_table(self, scene: FilePath | None = None) -> Object:
@@ -326,7 +334,12 @@ class Rig:
         log.update(json.loads(recording.end(None)))
 
     def wait(self, seconds: float) -> None:
-        """Lets time pass (s), also that of a motion which goes on."""
+        """Lets time pass (s), also that of a motion which goes on.
+
+        Raises ArgumentError for a time below 0 or one that is not finite.
+        """
+        if not 0.0 <= seconds < math.inf:
+            raise wrong(f"seconds {seconds} must be at least 0 and finite")
         self._board.wait(seconds)
 
     def stop(self) -> None:
@@ -372,6 +385,8 @@ class Rig:
 
         Time passes while the next one is waited for. It ends after `seconds`, without them never.
         """
+        if seconds is not None and math.isnan(seconds):
+            raise wrong("seconds is not a number")
         count, start_s = len(self._all()), None
         while True:
             if len(self._all()) == count:
@@ -396,6 +411,13 @@ class Rig:
     def close(self) -> None:
         """Stops the motion and ends the conversation. Further calls raise OperationError of kind `closed`."""
         self._board.close()
+
+
+def _finite(name: str, values: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:
+    found = numbers(name, values)
+    if found.shape != shape or not np.all(np.isfinite(found)):
+        raise wrong(f"{name} {values!r} must be {'two finite numbers' if shape else 'one finite number'}")
+    return found
 
 
 def _array(name: str, values: list[Any]) -> NDArray[Any]:

@@ -5,11 +5,12 @@ from __future__ import annotations
 import json
 import subprocess
 from collections.abc import Sequence
-from os import fspath
+from os import PathLike, fspath
+from pathlib import Path
 from typing import Any
 
 from . import _core
-from ._errors import of_kind
+from ._errors import of_kind, wrong
 from ._places import FilePath, program
 from ._places import scene as _scene
 
@@ -42,8 +43,14 @@ def identify(
     positive constant; `standard_error` and `half_width_90` are those of `unknown`.
 
     `out` is the scene file to write, `law` fixes the radius law, `plan` asks which sweep would tell most. Raises
-    OperationError, naming the file, if the sweeps cannot be of one rig.
+    ArgumentError or MissingFileError for `sweeps` that are no list of files, and OperationError, naming the file, if
+    they cannot be of one rig.
     """
+    if isinstance(sweeps, (str, bytes, PathLike)):
+        raise wrong(f"sweeps {sweeps!r} must be a list of files")
+    for sweep in sweeps:
+        if not Path(sweep).is_file():
+            raise of_kind("no-file", f"sweeps: file {fspath(sweep)} is not there")
     arguments = ["--scene", fspath(_scene(scene)), "identify"]
     arguments += ["--out", fspath(out)] if out is not None else []
     arguments += ["--law", law] if law is not None else []
