@@ -58,7 +58,7 @@ impl Backup {
     /// The backup's settings for a board with this hash of its `[rig]` and this report of its settings; notes on `file` go to
     /// standard error. A setting that the backup has for other constants than the board's stays as it is on the board and is
     /// named as dropped, unless `force` takes it all the same. With `force` a backup may lack settings, which stay as they are
-    /// on the board.
+    /// on the board; but the board's points of the LVDT go with an offset or a gain that were measured without.
     ///
     /// # Errors
     /// Naming both hashes, if they differ and the file has no constants; naming what the backup lacks.
@@ -75,7 +75,9 @@ impl Backup {
             lacks.push(lvdt_points::NAME);
         }
         let mut values = self.missing.iter().fold(self.values, |v, s| v.with(*s, board.values.get(*s)));
-        if !self.has_points {
+        // Offset and gain of a file without points were measured without any.
+        let calibrates = [Setting::LvdtOffset, Setting::LvdtGain].iter().any(|setting| !self.missing.contains(setting));
+        if !self.has_points && !calibrates {
             values.lvdt_curve = board.values.lvdt_curve;
         }
         let result = match (&self.constants, self.rig_hash) {
@@ -93,7 +95,7 @@ impl Backup {
             return Err(Failure::failed(format!(
                 "{name}: was it cut short? It lacks {}. In a backup each setting has a line, with the value \"{DEFAULT}\" where \
                  the scene's is wanted, and `{}` has \"{NONE}\" where the LVDT has none. `config restore --force` takes what is \
-                 there, and leaves the rest as it is on the board",
+                 there, and leaves the rest as it is on the board; offset or gain of the LVDT without points remove the board's points",
                 lacks.join(", "),
                 lvdt_points::NAME
             )));
@@ -101,8 +103,12 @@ impl Backup {
         if self.protocol_hash.is_some_and(|theirs| theirs != PROTOCOL_HASH) {
             crate::output::say!("{name} is of another firmware; settings keep their names, so this is no harm");
         }
+        lacks.retain(|lacking| !calibrates || *lacking != lvdt_points::NAME);
         if !lacks.is_empty() {
             crate::output::say!("not in {name}, so left as on the board: {}", lacks.join(", "));
+        }
+        if values.lvdt_curve.is_none() && board.values.lvdt_curve.is_some() {
+            crate::output::say!("{name} calibrates the LVDT without points: those of the board are removed");
         }
         Ok(result)
     }
@@ -299,6 +305,10 @@ mod tests {
                 }
             }
         }
+        // Written before there were points: its gain was measured without any.
+        let older = from_toml("[settings]\nlvdt-gain = 1.01\n", &defaults()).expect("a table");
+        let (forced, _) = older.for_board(0, &board, file, true).expect("forced");
+        assert_eq!(forced, SettingValues { lvdt_curve: None, ..board.values.with(Setting::LvdtGain, 1.01) });
         let empty = from_toml("[settings]\n", &defaults()).expect("a table");
         let forced = empty.for_board(0, &board, file, true).expect("forced");
         assert_eq!(forced, (board.values, Dropped::NONE), "what the file lacks stays as it is on the board");

@@ -1,7 +1,7 @@
 //! A log through the controller again: [`rig_control::Controller::step`], tick by tick, fed with what was recorded.
 //!
-//! Telemetry does not hold everything that a tick sees. A homing itself cannot be replayed, because raw shaft and gap are
-//! not in the log. After it, shaft and gap follow from twist and position, and the replay starts from the result of the
+//! Telemetry does not hold everything that a tick sees. A homing itself cannot be replayed, because the raw shaft is
+//! not in the log. After it, the shaft follows from the twist, and the replay starts from the result of the
 //! homing, which the log holds as an event. A homing whose record lacks a value, as in older logs, is not replayed. The
 //! drive's lag is found from the log, as the delay at which the twist follows the commands best. Everything else that a
 //! tick sees is taken for healthy: a replay ends where the recorded rig stopped by a fault.
@@ -100,7 +100,7 @@ pub struct Stretch {
 struct Tick<'a> {
     row: &'a Row,
     twist_rad: f32,
-    position_m: f32,
+    gap_m: f32,
     request: Option<Request>,
 }
 
@@ -139,7 +139,7 @@ pub fn replay(log: &Log, scene: &Scene, table: &Table<'_>) -> Result<Vec<Stretch
 
 fn stretch(log: &Log, at: usize, mark: &Mark, board: &Board<'_>) -> Option<Stretch> {
     let Mark::Homed(found) = *mark else { return None };
-    let (ticks, filled, ended_by) = ticks(log, at);
+    let (ticks, filled, ended_by) = ticks(log, at, found.reference_gap_m - board.settings.get(Setting::PositionZero));
     let first = ticks.first()?;
     // A log's zero twist is where its twist is zero. Without lag a command is the shaft's set-point itself.
     let homed = Homed {
@@ -181,8 +181,9 @@ fn heaviest_n(log: &Log, homed: usize, kept_n: f32) -> f32 {
     }
 }
 
-/// The ticks after a homing, how many of them are filled in, and what ended them.
-fn ticks(log: &Log, mark: usize) -> (Vec<Tick<'_>>, usize, String) {
+/// The ticks after a homing, how many of them are filled in, and what ended them. An older log does not have the gap, which follows
+/// from that at position 0 (m).
+fn ticks(log: &Log, mark: usize, zero_gap_m: f32) -> (Vec<Tick<'_>>, usize, String) {
     // The tick that ended the homing does not know TR yet.
     let known = |r: &Row| r.twist_rad.is_some() && r.tr_rad_per_m.is_some();
     let start = log.marks[mark].row;
@@ -218,7 +219,7 @@ fn ticks(log: &Log, mark: usize) -> (Vec<Tick<'_>>, usize, String) {
             break;
         }
         let request = asked.iter().find(|(shows, _)| *shows == k).map(|(_, request)| *request);
-        let tick = Tick { row, twist_rad, position_m, request };
+        let tick = Tick { row, twist_rad, gap_m: row.gap_m.unwrap_or(zero_gap_m - position_m), request };
         if let Some(last) = ticks.last().copied() {
             let missing = ((row.t_s - last.row.t_s) / f64::from(TICK_S)).round() as u32;
             if missing > FILLED + 1 {
@@ -230,7 +231,7 @@ fn ticks(log: &Log, mark: usize) -> (Vec<Tick<'_>>, usize, String) {
                 let between = |a: f32, b: f32| a + part * (b - a);
                 ticks.push(Tick {
                     twist_rad: between(last.twist_rad, tick.twist_rad),
-                    position_m: between(last.position_m, tick.position_m),
+                    gap_m: between(last.gap_m, tick.gap_m),
                     request: None,
                     ..last
                 });
@@ -247,11 +248,9 @@ fn answers(ticks: &[Tick<'_>], homed: &Homed, board: &Board<'_>) -> Vec<Answer> 
     let mut rig = Controller::new(board.table, board.scene, None);
     rig.set_up(&board.settings);
     let mut now_us = 1_000_000;
-    let zero_gap_m = homed.found.reference_gap_m - board.settings.get(Setting::PositionZero);
-    let mut step = |rig: &mut Controller, twist_rad: f32, position_m: f32, row: &Row, request: Option<Request>| {
+    let mut step = |rig: &mut Controller, twist_rad: f32, gap_m: f32, row: &Row, request: Option<Request>| {
         now_us += TICK_US;
         let encoder_counts = (f64::from(twist_rad) * f64::from(constants.counts_per_rad)).round() as i64;
-        let gap_m = zero_gap_m - position_m;
         let rpm = f64::from(row.drive_speed_rad_per_s.unwrap_or(0.0)) * 60.0 / std::f64::consts::TAU;
         let inputs = Inputs {
             now_us,
@@ -283,11 +282,11 @@ fn answers(ticks: &[Tick<'_>], homed: &Homed, board: &Board<'_>) -> Vec<Answer> 
     let Some(first) = ticks.first() else { return Vec::new() };
     let standing = Row { drive_speed_rad_per_s: Some(0.0), ..first.row.clone() };
     for _ in 0..BOOT_TICKS {
-        step(&mut rig, PI, first.position_m, &standing, None);
+        step(&mut rig, PI, first.gap_m, &standing, None);
     }
     rig.resume(*homed);
     let answer = |tick: &Tick<'_>| {
-        let (drive, telemetry) = step(&mut rig, tick.twist_rad, tick.position_m, tick.row, tick.request);
+        let (drive, telemetry) = step(&mut rig, tick.twist_rad, tick.gap_m, tick.row, tick.request);
         let shaft_rad = match drive {
             DriveCommand::Follow { position_qc, .. } => {
                 Some(f64::from(position_qc) / f64::from(constants.counts_per_rad))

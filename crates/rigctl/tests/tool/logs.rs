@@ -203,8 +203,10 @@ fn a_log_holds_the_calibration_and_is_replayed_and_restored_with_it() {
         let set = rigctl(&["config", "set", name, value, "--flash", text(&flash)]);
         assert!(set.status.success(), "{}", error_of(&set));
     }
-    // Below 0, where without its settings nothing could go.
-    std::fs::write(&script, "2.5 home\n36 move 5mm speed=3mm/s\n41 move -1mm speed=3mm/s\n45 end\n").expect("written");
+    // Below 0, where without its settings nothing could go. Then every position gets another number.
+    let lines_of =
+        "2.5 home\n36 move 5mm speed=3mm/s\n41 move -1mm speed=3mm/s\n45 config set position-zero 1mm\n46 end\n";
+    std::fs::write(&script, lines_of).expect("written");
     let output = rigctl(&["record", "--script", text(&script), "--out", text(&log), "--flash", text(&flash)]);
     assert!(output.status.success(), "{}", error_of(&output));
     let first = std::fs::read_to_string(&log).expect("a log");
@@ -219,9 +221,8 @@ fn a_log_holds_the_calibration_and_is_replayed_and_restored_with_it() {
     assert!(parted().is_null(), "{}", parted());
     let without: String = first.lines().filter(|l| !l.contains("position-zero")).map(|l| format!("{l}\n")).collect();
     std::fs::write(&log, without).expect("written");
-    // From the homing on, before any move: the gap at position zero is in the homing's own record, and without the setting
-    // every recorded position stands for another gap.
-    assert!(parted()["what"] == "load_n" && parted()["t_s"].as_f64().is_some_and(|t_s| t_s < 36.0), "{}", parted());
+    // Without the setting every position stands for another gap: the set-points part in the first move.
+    assert!(parted()["what"] == "setpoint_m" && parted()["t_s"].as_f64().is_some_and(|t_s| t_s > 36.0), "{}", parted());
     for (to, named) in [("gian = 1", "lvdt-gian"), ("gain = 3", "lvdt-gain is 3"), ("gain = x", "lvdt-gain")] {
         std::fs::write(&log, first.replace("settings.lvdt-gain = 1.004", &format!("settings.lvdt-{to}")))
             .expect("written");
