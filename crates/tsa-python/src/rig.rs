@@ -187,9 +187,8 @@ impl Recording {
         let recorder = locked(&self.recorder).take();
         json(&self.shared.with(py, |session, _| {
             let result = broken_off.map_or(Ok(()), |why| Err(Failure::failed(why)));
-            let (rows, ()) = recorder.ok_or_else(closed)?.end(session, result)?;
-            let lost_frames = session.link.lost_frames();
-            Ok(json!({"rows": rows, "lost_rows": session.lost_rows(), "lost_frames": lost_frames}))
+            let (ended, ()) = recorder.ok_or_else(closed)?.end(session, result)?;
+            Ok(json!(ended))
         })?)
     }
 }
@@ -319,7 +318,8 @@ impl Board {
     fn record(&self, py: Python<'_>, out: PathBuf) -> PyResult<Recording> {
         let recorder = self.0.with(py, |session, target| {
             let head = Header::new(target, session, "record")?;
-            Recorder::new(OutFile::new(&out)?.begin()?, &head, session.watch())
+            let passed = session.watch();
+            Recorder::new(OutFile::new(&out)?.begin()?, &head, passed, session)
         })?;
         Ok(Recording { shared: self.0.clone(), recorder: Mutex::new(Some(recorder)) })
     }

@@ -4,7 +4,7 @@
 use crate::board_settings;
 use crate::failure::Failure;
 use crate::log::write::event;
-use crate::log::{Header, Recorder};
+use crate::log::{Ended, Header, Recorder};
 use crate::options::Global;
 use crate::options::values::of;
 use crate::out_file::OutFile;
@@ -183,7 +183,8 @@ pub fn record(global: &Global, options: &Record, output: &mut Output) -> Result<
         None if output.json() => Box::new(io::sink()),
         None => stdout(),
     };
-    let mut recorder = Recorder::new(sink, &head, session.watch())?;
+    let passed = session.watch();
+    let mut recorder = Recorder::new(sink, &head, passed, &session)?;
     let script = script.unwrap_or_else(|| Script::idle(session.now_s() + seconds));
     let rows_out = output.json() && options.out.is_none();
     let result = play(&mut session, &script, global.board.seed, |session, messages| {
@@ -199,10 +200,8 @@ pub fn record(global: &Global, options: &Record, output: &mut Output) -> Result<
         session.take_log();
         Ok(ControlFlow::Continue(()))
     });
-    let (rows, refused) = recorder.end(&session, result)?;
-    let lost = session.lost_rows();
-    let frames = session.link.lost_frames();
-    let summary = json!({"rows": rows, "lost_rows": lost, "lost_frames": frames, "seconds": session.now_s(),
+    let (Ended { rows, lost_rows: lost, lost_frames }, refused) = recorder.end(&session, result)?;
+    let summary = json!({"rows": rows, "lost_rows": lost, "lost_frames": lost_frames, "seconds": session.now_s(),
         "file": options.out.as_ref().map(|p| p.display().to_string())});
     output.object(&json!({"summary": summary}))?;
     if let Some(path) = &options.out {

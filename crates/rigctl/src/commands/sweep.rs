@@ -1,7 +1,7 @@
 //! `sweep`: the paper's experiment. A known load, the strings turned slowly up and down, everything recorded.
 
 use crate::failure::Failure;
-use crate::log::{Header, Log, Recorder, sweep as reduced};
+use crate::log::{Ended, Header, Log, Recorder, sweep as reduced};
 use crate::options::Global;
 use crate::options::values::{self, load};
 use crate::out_file::OutFile;
@@ -128,7 +128,7 @@ pub fn of(
     }
     head.add("sweep.turns", turns);
     head.add("sweep.speed_rad_per_s", speed);
-    let rows = record(session, out, &head, options)?;
+    let Ended { rows, lost_rows, lost_frames } = record(session, out, &head, options)?;
     let log = Log::load(&options.out).map_err(|e| Failure::failed(format!("{}: {e}", options.out.display())))?;
     let reduced::Sweep { stops, .. } =
         reduced::reduce(&log).map_err(|e| Failure::failed(format!("{}: {e}", options.out.display())))?;
@@ -137,8 +137,8 @@ pub fn of(
     output.object(&json!({
         "file": options.out.display().to_string(),
         "rows": rows,
-        "lost_rows": session.lost_rows(),
-        "lost_frames": session.link.lost_frames(),
+        "lost_rows": lost_rows,
+        "lost_frames": lost_frames,
         "equilibria": stops.len(),
         "load_n": load_n,
         "contraction_m": contraction_m,
@@ -155,12 +155,12 @@ pub fn of(
     Ok(())
 }
 
-/// Homes and sweeps; the log of a sweep that has begun gets its end in any case. Returns the number of rows.
-fn record(session: &mut Session, out: OutFile, head: &Header, options: &Sweep) -> Result<u64, Failure> {
+/// Homes and sweeps; the log of a sweep that has begun gets its end in any case. Returns what the log holds.
+fn record(session: &mut Session, out: OutFile, head: &Header, options: &Sweep) -> Result<Ended, Failure> {
     // Before the file: a homing that fails must not take the place of an earlier sweep.
     let passed = session.watch();
     homing::home(session, LoadChoice::Known(options.load as f32), |_| {})?;
-    let mut recorder = Recorder::new(out.begin()?, head, passed)?;
+    let mut recorder = Recorder::new(out.begin()?, head, passed, session)?;
     let mut sweep = || {
         let (bottom, top) = (PI, PI + TAU * options.turns);
         for ends in [[bottom, top], [top, bottom]] {

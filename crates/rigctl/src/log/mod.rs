@@ -17,7 +17,7 @@ pub mod sweep;
 pub mod write;
 
 pub use read::{Log, Mark, Marked};
-pub use write::Recorder;
+pub use write::{Ended, Recorder};
 
 use crate::board_settings;
 use crate::failure::Failure;

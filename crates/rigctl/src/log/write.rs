@@ -6,6 +6,7 @@ use crate::request;
 use crate::session::Session;
 use crate::session::row::{Entry, Row};
 use rig_link::EventKind;
+use serde::Serialize;
 use std::io::Write;
 use std::sync::mpsc::Receiver;
 
@@ -13,7 +14,25 @@ use std::sync::mpsc::Receiver;
 pub struct Recorder<W: Write> {
     sink: W,
     entries: Receiver<Entry>,
-    rows: u64,
+    ended: Ended,
+}
+
+/// What a log holds, and what was lost while it was written.
+#[derive(Clone, Copy, Debug, Default, Serialize)]
+pub struct Ended {
+    /// Rows.
+    pub rows: u64,
+    /// Rows that the board has made and that never came.
+    pub lost_rows: u64,
+    /// Frames that never came.
+    pub lost_frames: u32,
+}
+
+impl Ended {
+    /// Nothing, in a session that has lost so much.
+    fn of(session: &Session) -> Self {
+        Self { rows: 0, lost_rows: session.lost_rows(), lost_frames: session.link.lost_frames() }
+    }
 }
 
 impl<W: Write> Recorder<W> {
@@ -21,11 +40,11 @@ impl<W: Write> Recorder<W> {
     ///
     /// # Errors
     /// If the sink fails.
-    pub fn new(mut sink: W, header: &Header, entries: Receiver<Entry>) -> Result<Self, Failure> {
+    pub fn new(mut sink: W, header: &Header, entries: Receiver<Entry>, session: &Session) -> Result<Self, Failure> {
         for (key, value) in &header.0 {
             writeln!(sink, "# {key} = {value}")?;
         }
-        Ok(Self { sink, entries, rows: 0 })
+        Ok(Self { sink, entries, ended: Ended::of(session) })
     }
 
     /// Writes everything that has passed since the last call, and returns it.
@@ -50,10 +69,10 @@ impl<W: Write> Recorder<W> {
 
     fn row(&mut self, row: &Row) -> Result<(), Failure> {
         // A writer for each row, so that comments can go between them.
-        let mut line = csv::WriterBuilder::new().has_headers(self.rows == 0).from_writer(Vec::new());
+        let mut line = csv::WriterBuilder::new().has_headers(self.ended.rows == 0).from_writer(Vec::new());
         line.serialize(row)?;
         self.sink.write_all(&line.into_inner().map_err(|e| e.into_error())?)?;
-        self.rows += 1;
+        self.ended.rows += 1;
         Ok(())
     }
 
@@ -65,21 +84,26 @@ impl<W: Write> Recorder<W> {
         Ok(writeln!(self.sink, "# {text}")?)
     }
 
-    /// Ends the log and returns the number of its rows. A failure that broke it off is written, too.
+    /// Ends the log and returns what it holds. A failure that broke it off is written, too.
     ///
     /// # Errors
     /// If the sink fails, or the failure that broke it off.
-    pub fn end<T>(mut self, session: &Session, result: Result<T, Failure>) -> Result<(u64, T), Failure> {
+    pub fn end<T>(mut self, session: &Session, result: Result<T, Failure>) -> Result<(Ended, T), Failure> {
         self.take()?;
         if let Some(message) = result.as_ref().err().and_then(Failure::message) {
             self.comment(format_args!("broken_off = {}", message.replace(['\r', '\n'], " ")))?;
         }
-        self.comment(format_args!("lost_frames = {}", session.link.lost_frames()))?;
-        self.comment(format_args!("lost_rows = {}", session.lost_rows()))?;
-        let rows = self.rows;
-        self.comment(format_args!("end rows = {rows}"))?;
+        let (before, now) = (self.ended, Ended::of(session));
+        let ended = Ended {
+            lost_rows: now.lost_rows - before.lost_rows,
+            lost_frames: now.lost_frames - before.lost_frames,
+            ..before
+        };
+        self.comment(format_args!("lost_frames = {}", ended.lost_frames))?;
+        self.comment(format_args!("lost_rows = {}", ended.lost_rows))?;
+        self.comment(format_args!("end rows = {}", ended.rows))?;
         self.sink.flush()?;
-        result.map(|value| (rows, value))
+        result.map(|value| (ended, value))
     }
 }
 

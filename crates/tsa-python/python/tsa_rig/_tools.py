@@ -6,7 +6,6 @@ import json
 import subprocess
 from collections.abc import Sequence
 from os import PathLike, fspath
-from pathlib import Path
 from typing import Any
 
 from . import _core
@@ -43,14 +42,11 @@ def identify(
     positive constant; `standard_error` and `half_width_90` are those of `unknown`.
 
     `out` is the scene file to write, `law` fixes the radius law, `plan` asks which sweep would tell most. Raises
-    ArgumentError or MissingFileError for `sweeps` that are no list of files, and OperationError, naming the file, if
-    they cannot be of one rig.
+    ArgumentError for `sweeps` that are no list, and OperationError, naming the file, if one cannot be read or they cannot
+    be of one rig.
     """
     if isinstance(sweeps, (str, bytes, PathLike)):
         raise wrong(f"sweeps {sweeps!r} must be a list of files")
-    for sweep in sweeps:
-        if not Path(sweep).is_file():
-            raise of_kind("no-file", f"sweeps: file {fspath(sweep)} is not there")
     arguments = ["--scene", fspath(_scene(scene)), "identify"]
     arguments += ["--out", fspath(out)] if out is not None else []
     arguments += ["--law", law] if law is not None else []
