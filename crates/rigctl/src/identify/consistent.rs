@@ -60,14 +60,18 @@ fn steps(data: &Data, run: &[usize]) -> Option<String> {
         let row = &data.rows[*k];
         matches!(row.quantity, Quantity::Gap | Quantity::Contraction) && row.half_difference_m.is_none()
     };
-    if run.len() < 3 * BESIDE || !run.iter().all(lengths) {
+    if !run.iter().all(lengths) {
+        return None;
+    }
+    let run = spread(data, run);
+    if run.len() < 3 * BESIDE {
         return None;
     }
     let apart = |pair: &[usize]| {
         let [a, b] = [&data.rows[pair[0]], &data.rows[pair[1]]];
         (b.twist_rad - a.twist_rad, b.value - a.value)
     };
-    let pairs: Vec<(f64, f64)> = run.windows(2).map(apart).filter(|(twist, _)| *twist > 0.0).collect();
+    let pairs: Vec<(f64, f64)> = run.windows(2).map(apart).collect();
     let uneven: Vec<f64> = (0..pairs.len())
         .map(|k| {
             let beside = (k.saturating_sub(BESIDE)..(k + BESIDE + 1).min(pairs.len())).filter(|j| *j != k);
@@ -90,6 +94,21 @@ fn steps(data: &Data, run: &[usize]) -> Option<String> {
         TURNS_OF_RAD.show(data.rows[run[found + 1]].twist_rad - PRETWIST_RAD),
         MM.show(uneven[found].abs())
     ))
+}
+
+/// Those rows of a run that are at least half the mean distance from the one before. Noise and friction between rows of almost the
+/// same twist, as in several samples of one place or in both ways of a sweep, are no slope.
+fn spread(data: &Data, run: &[usize]) -> Vec<usize> {
+    let twist_rad = |k: usize| data.rows[k].twist_rad.abs();
+    let ends = run.first().zip(run.last());
+    let mean_rad = ends.map_or(0.0, |(first, last)| (twist_rad(*last) - twist_rad(*first)) / run.len() as f64);
+    let mut kept: Vec<usize> = Vec::new();
+    for &k in run {
+        if kept.last().is_none_or(|last| twist_rad(k) - twist_rad(*last) > 0.5 * mean_rad) {
+            kept.push(k);
+        }
+    }
+    kept
 }
 
 /// A sweep that does not belong to the others by the chosen law, in words.

@@ -346,6 +346,25 @@ fn a_sweep_in_which_a_string_slipped_is_named() {
     let output = identified("slip", "gap_m", 5e-6, &[], slips);
     assert_eq!(output.status.code(), Some(1), "{}", said(&output));
     assert!(said(&output).contains("slip") && said(&output).contains("hung-5"), "{}", said(&output));
+    // The way down hangs higher by friction, at almost the same turns as the way up.
+    let both_ways = |name: &str, slipped: bool| {
+        let change = |k: usize, turns: f64, gap: f64| if slipped { slips(k, turns, gap) } else { (HUNG[k], gap) };
+        let files = hung(name, "gap_m", 5e-6, change);
+        for file in &files {
+            let text = std::fs::read_to_string(file).unwrap();
+            let down = text.lines().skip(1).map(|line| {
+                let cells: Vec<f64> = line.split(',').map(|cell| cell.parse().unwrap()).collect();
+                format!("{},{},{}\n", cells[0], cells[1] + 1e-3, cells[2] - 0.2e-3)
+            });
+            std::fs::write(file, text.clone() + &down.collect::<String>()).unwrap();
+        }
+        let files: Vec<&str> = files.iter().map(String::as_str).collect();
+        rigctl(&[&["--json", "identify", "--law", "length-ratio-k4"], &files[..]].concat())
+    };
+    let output = both_ways("both-ways", false);
+    assert!(output.status.success(), "{}", said(&output));
+    let output = both_ways("both-ways-slipped", true);
+    assert!(output.status.code() == Some(1) && said(&output).contains("slip"), "{}", said(&output));
 }
 
 /// Sweeps as `rigctl sweep` records them, of a known zero, each changed first: its load (N), and its gap (m) at a number of
