@@ -42,8 +42,8 @@ def identify(
     positive constant; `standard_error` and `half_width_90` are those of `unknown`.
 
     `out` is the scene file to write, `law` fixes the radius law, `plan` asks which sweep would tell most. Raises
-    ArgumentError for `sweeps` that are no list, and OperationError, naming the file, if one cannot be read or they cannot
-    be of one rig.
+    ArgumentError for `sweeps` that are no list, and OperationError, naming the file, if one cannot be read or they
+    cannot be of one rig.
     """
     if isinstance(sweeps, (str, bytes, PathLike)):
         raise wrong(f"sweeps {sweeps!r} must be a list of files")
