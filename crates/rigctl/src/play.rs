@@ -69,15 +69,16 @@ pub fn play(
     if session.silent_s().is_some() {
         return Err(Failure::failed("the board is silent: whether the rig stands still is not known"));
     }
-    // An emulated board ends with its script.
-    let moves = session.telemetry().is_some_and(|t| matches!(t.state, State::Homing | State::Moving));
-    if moves && session.emulated().is_none() {
-        if !session.stop()? {
-            return Err(Failure::failed(
-                "the script ended while the rig moved, and the board did NOT acknowledge the stop",
-            ));
-        }
-        let _ = each(session, vec!["the script ended while the rig moved: stopped".into()])?;
+    if session.telemetry().is_some_and(|t| matches!(t.state, State::Homing | State::Moving)) {
+        let ended = "the script ended while the rig moved";
+        let how = if session.emulated().is_some() {
+            "the emulated board ends with it"
+        } else if session.stop()? {
+            "stopped"
+        } else {
+            return Err(Failure::failed(format!("{ended}, and the board did NOT acknowledge the stop")));
+        };
+        let _ = each(session, vec![format!("{ended}: {how}")])?;
     }
     let never = |event: &&Event| {
         format!("script line {}: refused: the board did not start before the script's end", event.line)
