@@ -77,7 +77,7 @@ impl FrictionCompensation {
             _ => 0.0,
         };
         let direction = if wanted == 0.0 { 0.0 } else { libm::copysignf(1.0, wanted) };
-        let limits = &load.twist_limits;
+        let limits = load.rig.twist_limits();
         if direction != self.direction {
             self.turn(direction);
         }

@@ -1,9 +1,9 @@
 //! Motion of the load under limits of speed, acceleration and jerk. Target and limits may change at any time: each tick is planned
 //! from the present motion.
 
+use crate::TICK_S;
 use crate::limits::Limits;
 use crate::load_state::LoadState;
-use crate::{RigConstants, TICK_S};
 use tsa_table::Point;
 
 /// Gain (1/s) by which a set-point follows a target that moves. Its speed follows three times as fast.
@@ -177,13 +177,13 @@ impl Planner {
     /// How long (s) until the set-point is at its target, at a speed (m/s) at most, before the move has begun. Where the motor
     /// limits the speed, the speed follows TR along the way, which no closed formula gives. So the way is divided into pieces;
     /// TR at the middle of each piece gives its speed limit and the twist at its end.
-    pub fn time_to_target_s(&self, asked_m_per_s: f32, load: &LoadState<'_>, rig: &RigConstants) -> f32 {
+    pub fn time_to_target_s(&self, asked_m_per_s: f32, load: &LoadState<'_>) -> f32 {
         let distance_m = self.target_m - self.set_point_m();
         let direction = libm::copysignf(1.0, distance_m);
         let piece_m = distance_m.abs() / f32::from(PIECES);
         // What the strings pull on the way: they carry friction upwards, and friction carries the load downwards.
         let load_n = load.observation.mechanism_load_n + direction * load.observation.friction_n;
-        let limits = |point: &Point| Limits::for_motor(asked_m_per_s, point, load_n, rig).0;
+        let limits = |point: &Point| Limits::for_motor(asked_m_per_s, point, load_n, load.rig).0;
         let mut twist_rad = load.twist_rad;
         let mut point = load.observation.point;
         let first = limits(&point);

@@ -83,18 +83,18 @@ impl PositionLoop {
             *set_point;
         let wanted_m = set_point.position_m + AHEAD_S * (speed + 0.5 * AHEAD_S * acceleration);
         let wanted_speed = speed + AHEAD_S * acceleration;
-        let error_m = wanted_m - (load.reference_gap_m - motion.gap_m);
+        let error_m = wanted_m - (load.found.reference_gap_m - motion.gap_m);
         let speed_error = wanted_speed + motion.speed_m_per_s;
-        let rest_m = load.reference_gap_m - hung.gap_m;
+        let rest_m = load.found.reference_gap_m - hung.gap_m;
         let rest_error_m = wanted_m + acceleration / frequency_squared - rest_m;
         let standing = self.rest.step(set_point.done, set_point.position_m - load.position_m, load);
         let [by_position, by_speed, by_rest] = GAINS;
         // What brings the place of rest to where it is wanted, and what damps the oscillation about it.
         let place = frequency.min(FULL_PER_S) * (by_position + by_rest) * rest_error_m;
-        let max_m_per_s = DAMPING_FRACTION * load.twist_limits.speed / hung.tr_rad_per_m();
+        let max_m_per_s = DAMPING_FRACTION * load.rig.twist_speed_max() / hung.tr_rad_per_m();
         let damping = frequency * by_position * (error_m - rest_error_m) + by_speed * speed_error;
         let damping = (damping_fraction(frequency) * damping).clamp(-max_m_per_s, max_m_per_s);
-        let feedback = load.loop_gain * (place + damping);
+        let feedback = load.rig.loop_gain * (place + damping);
         // The observer knows no friction: a load that sticks is not where it would come to rest.
         let (feedback, stuck_m) = match standing {
             Standing::LeftAlone => {

@@ -125,10 +125,11 @@ impl Controller {
             estop_open: inputs.estop_open,
             upper_limit_open: inputs.upper_limit_open,
             lower_limit_open: inputs.lower_limit_open,
-            rest_tolerance_m: self.tracking.as_ref().zip(self.mode.load_control()).map(|(tracking, control)| {
-                let found = &tracking.homed.found;
-                control.position_loop.rest.left_alone_m(found.gap_noise_m, found.jump_m)
-            }),
+            rest_tolerance_m: self
+                .tracking
+                .as_ref()
+                .zip(self.mode.load_control())
+                .map(|(tracking, control)| control.position_loop.rest.left_alone_m(&tracking.homed.found)),
             counters,
         }
     }

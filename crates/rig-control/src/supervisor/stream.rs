@@ -106,10 +106,10 @@ impl Stream {
     }
 
     /// One tick: what the loop turns, and what holds the load back.
-    pub(super) fn step(&mut self, load: &LoadState<'_>, rig: &RigConstants) -> (LoopOutput, Option<Limit>) {
+    pub(super) fn step(&mut self, load: &LoadState<'_>) -> (LoopOutput, Option<Limit>) {
         self.advance();
         let observation = &load.observation;
-        let (limits, _) = Limits::for_motor(self.speed_max_m_per_s, &observation.point, observation.pull_n, rig);
+        let (limits, _) = Limits::for_motor(self.speed_max_m_per_s, &observation.point, observation.pull_n, load.rig);
         self.limits = Some(limits);
         let (set_point, held_back) = self.control.planner.follow(&self.target, &limits);
         let output = self.control.position_loop.step(&set_point, false, load);

@@ -211,7 +211,7 @@ fn the_time_to_the_target_is_that_of_the_plan_step_by_step() {
         let load = hanging(5.0, 0.0, from_rad);
         let mut planner = Planner::at(0.0);
         planner.target_m = distance_m;
-        let expected_s = planner.time_to_target_s(asked, &load, &rig);
+        let expected_s = planner.time_to_target_s(asked, &load);
         let (mut twist_rad, mut ticks, mut last_m) = (from_rad, 0u16, 0.0);
         while !planner.is_at_rest() {
             let point = load.mechanism.at(5.0, twist_rad);

@@ -1,12 +1,13 @@
 //! One tick of the position loop, from its equations (docs/explanation/control.md 3).
 
 use crate::fixture::hanging;
-use rig_control::TICK_S;
 use rig_control::load_motion::AHEAD_S;
 use rig_control::load_state::LoadState;
 use rig_control::planner::SetPoint;
 use rig_control::position_loop::{FULL_PER_S, GAINS, LoopOutput, PositionLoop, damping_fraction};
 use rig_control::ramp::Ramp;
+use rig_control::{RigConstants, TICK_S};
+use rig_link::messages::HomingResult;
 
 /// A load of 6 N without friction in the middle of its travel: it oscillates at some 30 rad/s.
 fn load() -> LoadState<'static> {
@@ -70,7 +71,8 @@ fn a_place_of_rest_that_is_off_is_brought_back_by_the_gains() {
         let expected = omega.min(FULL_PER_S) * (by_position + by_rest) * error_m;
         assert!(same(found, expected), "{found} instead of {expected}");
         assert!(same(step(&SetPoint { position_m: error_m, ..PASSING }, &load).rest_error_m, error_m));
-        let half = LoadState { loop_gain: 0.5, ..load };
+        let rig = RigConstants { loop_gain: 0.5, ..*load.rig };
+        let half = LoadState { rig: &rig, ..load };
         assert!(same(load_speed(&SetPoint { position_m: error_m, ..PASSING }, &half), 0.5 * expected));
     }
 }
@@ -97,7 +99,7 @@ fn a_swing_is_damped_against_its_speed_and_with_the_distance_from_its_middle() {
 #[test]
 fn damping_leaves_a_part_of_the_speed_for_the_way_back() {
     let mut fallen = load();
-    let fastest = fallen.twist_limits.speed / fallen.observation.point.tr_rad_per_m();
+    let fastest = fallen.rig.twist_limits().speed / fallen.observation.point.tr_rad_per_m();
     fallen.motion.gap_m += 10e-3;
     let found = load_speed(&PASSING, &fallen);
     assert!(same(found, -0.8 * fastest), "{found} of {fastest}");
@@ -192,7 +194,7 @@ fn the_shaft_turns_as_the_motor_can_and_as_far_as_the_strings_go() {
     let m = load.mechanism.table.metadata;
     let at = |twist_rad: f32, speed| Ramp { position: zero_rad + twist_rad, speed };
     // From rest no faster than its acceleration allows, and then no faster than its speed.
-    let limits = load.twist_limits;
+    let limits = load.rig.twist_limits();
     let (first, at_end) = load.turned(at(20.0, 0.0), zero_rad, 1e3);
     assert_eq!((first.speed, at_end), (limits.acceleration * TICK_S, false));
     assert!((first.position - zero_rad - 20.0 - first.speed * TICK_S).abs() < 1e-5);
@@ -207,12 +209,13 @@ fn the_shaft_turns_as_the_motor_can_and_as_far_as_the_strings_go() {
 
 #[test]
 fn a_load_that_is_left_alone_leaves_nothing_of_what_was_turned_for_it() {
-    let mut load = hanging(10.0, 2.0, 25.0);
-    load.jump_m = 10.4 * load.gap_noise_m;
+    let plain = hanging(10.0, 2.0, 25.0);
+    let found = HomingResult { jump_m: 10.4 * plain.found.gap_noise_m, ..*plain.found };
+    let mut load = LoadState { found: &found, ..plain };
     let mut position_loop = PositionLoop::default();
     // It is approached, until it has crept near enough to be left alone.
     for noises in [6.0, 4.0] {
-        load.position_m = noises * load.gap_noise_m;
+        load.position_m = noises * found.gap_noise_m;
         for _ in 0..9 {
             position_loop.step(&SetPoint::at(0.0), false, &load);
         }
