@@ -126,7 +126,7 @@ impl PositionLoop {
         let moved_load_n = before_n + known * (weight_n - before_n);
         self.moved_load_n = Some(moved_load_n);
         let beyond_n = observation.pull_n - moved_load_n;
-        let max_n = MIN_JAMMED_N + JAMMED_FRACTION * moved_load_n + 2.0 * observation.friction_n;
+        let max_n = MIN_JAMMED_N + JAMMED_FRACTION * moved_load_n + 2.0 * load.found.friction_n;
         if beyond_n.abs() > max_n { beyond_n } else { 0.0 }
     }
 }

@@ -59,7 +59,7 @@ impl Rest {
         }
         if !(done && still) {
             // Stiction of one and a half times the friction makes a jump of friction over stiffness: what is farther has another cause.
-            let longest_jump_m = load.observation.friction_n * load.observation.point.dgap_dload_m_per_n;
+            let longest_jump_m = load.found.friction_n * load.observation.point.dgap_dload_m_per_n;
             if !done || error_m.abs() > longest_jump_m {
                 (self.stood_m, self.jump_m) = (None, None);
             }

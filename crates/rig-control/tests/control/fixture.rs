@@ -60,7 +60,6 @@ pub fn hanging(load_n: f32, friction_n: f32, twist_rad: f32) -> LoadState<'stati
     let motion = LoadMotion::at_rest(&mechanism, point.gap_m, twist_rad, pull_n);
     let observation = Observation {
         mechanism_load_n: load_n,
-        friction_n,
         pull_n,
         shown_n: load_n,
         point,

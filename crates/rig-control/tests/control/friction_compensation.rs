@@ -20,7 +20,7 @@ fn came_down() -> LoadState<'static> {
 
 /// Twist (rad) that takes the strings' pull from one end of the friction band to the other at a load that does not move.
 fn band_rad(load: &LoadState<'_>) -> f32 {
-    let high = load.mechanism.at(6.0 + load.observation.friction_n, load.twist_rad);
+    let high = load.mechanism.at(6.0 + load.found.friction_n, load.twist_rad);
     (high.gap_m - load.mechanism.at(load.observation.pull_n, load.twist_rad).gap_m) * high.tr_rad_per_m()
 }
 

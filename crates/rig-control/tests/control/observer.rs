@@ -60,7 +60,6 @@ fn a_pull_anywhere_in_the_friction_band_says_nothing_of_a_load_at_rest() {
         near(seen.mechanism_load_n, LOAD_N, 0.02);
         near(seen.pull_n, pull_n, 0.005);
         assert!(!seen.changing && seen.confirmed && !seen.at_range_end && seen.moved_m == 0.0);
-        assert_eq!(seen.friction_n, FRICTION_N);
         // How the radius depends on the load, and a little for what drifts and for friction.
         near(seen.load_error_n, 0.25, 0.05);
     }
