@@ -69,7 +69,7 @@ impl FrictionCompensation {
     /// set-point of a move waits.
     pub fn step(&mut self, set_point: &SetPoint, setting_out: bool, error_m: f32, load: &LoadState<'_>) -> f32 {
         self.waiting &= setting_out;
-        let wanted = match (set_point.speed_m_per_s, error_m) {
+        let wanted = match (set_point.motion.speed, error_m) {
             (v, _) if v != 0.0 => v,
             // About to begin or to end.
             _ if !set_point.done => self.direction,

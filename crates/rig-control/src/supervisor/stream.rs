@@ -114,9 +114,9 @@ impl Stream {
         let (set_point, held_back) = self.control.planner.follow(&self.target, &limits);
         let output = self.control.position_loop.step(&set_point, false, load);
         if observation.moved_m > 0.0 {
-            self.moved_at_m = set_point.position_m;
+            self.moved_at_m = set_point.motion.position;
         }
-        let sticks = (set_point.position_m - self.moved_at_m).abs() > load.moved_m();
+        let sticks = (set_point.motion.position - self.moved_at_m).abs() > load.moved_m();
         (output, held_back.then_some(Limit::MotorSpeed).or(sticks.then_some(Limit::Friction)))
     }
 }
