@@ -95,7 +95,7 @@ impl Controller {
             twist_rad: tracking.map(|tracking| tracking.twist_rad(self.sensing.readings.shaft_rad)),
             load_n: observed.map(|(tracking, _)| tracking.observer.load_n()),
             load_error_n: observed.map(|(_, observation)| observation.load_error_n),
-            position_error_m: tracking.zip(gap_m).map(|(tracking, _)| tracking.position_error_m()),
+            position_error_m: tracking.zip(gap_m).map(|(tracking, _)| tracking.position_error_m(&self.constants)),
             tr_rad_per_m: observed.map(|(_, observation)| observation.point.tr_rad_per_m()),
             drive_current_a,
             drive_speed_rad_per_s,
