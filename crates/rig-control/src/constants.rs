@@ -97,6 +97,11 @@ impl RigConstants {
         TwistLimits { speed: self.twist_speed_max(), acceleration }
     }
 
+    /// How fast the encoders count (counts/s) while the motor turns at a speed (rad/s).
+    pub(crate) fn counts_per_s(&self, motor_rad_per_s: f32) -> f32 {
+        motor_rad_per_s / self.gear_ratio * self.counts_per_rad.abs()
+    }
+
     /// Gap (m) at a mean ADC code of the LVDT, calibrated.
     pub fn lvdt_gap_m(&self, mean_code: f32) -> f32 {
         let sensor_m = self.lvdt_gap_at_code_zero_m + self.lvdt_metres_per_code * mean_code;

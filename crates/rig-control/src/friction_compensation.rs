@@ -69,7 +69,7 @@ impl FrictionCompensation {
     /// set-point of a move waits.
     pub fn step(&mut self, set_point: &SetPoint, setting_out: bool, error_m: f32, load: &LoadState<'_>) -> f32 {
         self.waiting &= setting_out;
-        let wanted = match (set_point.speed_m_per_s, error_m) {
+        let wanted = match (set_point.motion.speed, error_m) {
             (v, _) if v != 0.0 => v,
             // About to begin or to end.
             _ if !set_point.done => self.direction,
@@ -77,7 +77,7 @@ impl FrictionCompensation {
             _ => 0.0,
         };
         let direction = if wanted == 0.0 { 0.0 } else { libm::copysignf(1.0, wanted) };
-        let limits = &load.twist_limits;
+        let limits = load.rig.twist_limits();
         if direction != self.direction {
             self.turn(direction);
         }
@@ -107,7 +107,7 @@ impl FrictionCompensation {
     /// Works out how far it is to take up a fraction of the friction.
     fn plan(&mut self, fraction: f32, load: &LoadState<'_>) {
         let (direction, observation) = (self.direction, &load.observation);
-        let friction_n = observation.friction_n;
+        let friction_n = load.found.friction_n;
         let end_n = observation.mechanism_load_n + direction * friction_n;
         // At this twist, the gap that goes with the pull at the other end of the band.
         let end = load.mechanism.at(end_n, load.twist_rad);

@@ -1,11 +1,11 @@
 //! The load in one tick, as the code that controls it sees it.
 
-use crate::TICK_S;
-use crate::constants::TwistLimits;
 use crate::load_motion::LoadMotion;
 use crate::mechanism::{Mechanism, OUTSIDE_RAD};
 use crate::observer::Observation;
 use crate::ramp::{Ramp, braking_speed};
+use crate::{RigConstants, TICK_S};
+use rig_link::messages::HomingResult;
 
 /// Change of the gap that is motion and no noise, over the noise of the gap in one tick.
 const MOVED_NOISES: f32 = 4.0;
@@ -26,31 +26,25 @@ pub struct LoadState<'t> {
     pub position_m: f32,
     /// How the load will move when a command of this tick acts.
     pub motion: LoadMotion,
-    /// Gap at position 0 (m).
-    pub reference_gap_m: f32,
-    /// Noise of the gap in one tick (m, rms).
-    pub gap_noise_m: f32,
-    /// How far the load jumps when it breaks loose (m), as homing saw it.
-    pub jump_m: f32,
     /// Set-point of the twist (rad).
     pub twist_rad: f32,
-    /// What the motor can do.
-    pub twist_limits: TwistLimits,
-    /// Fraction of the position loop's feedback that is used.
-    pub loop_gain: f32,
+    /// What homing found.
+    pub found: &'t HomingResult,
+    /// The rig's numbers.
+    pub rig: &'t RigConstants,
 }
 
 impl LoadState<'_> {
     /// Change of this load's gap that is motion and no noise (m).
     pub fn moved_m(&self) -> f32 {
-        moved_m(self.gap_noise_m)
+        moved_m(self.found.gap_noise_m)
     }
 
     /// Set-point of the shaft one tick later, with strings that are to turn at a speed (rad/s), as far as the motor can follow; it
     /// brakes into the ends of the strings' travel. And whether such an end makes them slower than they are to turn. `zero_rad` is
     /// where the shaft has zero twist (rad).
     pub fn turned(&self, shaft: Ramp, zero_rad: f32, twist_speed_rad_per_s: f32) -> (Ramp, bool) {
-        let limits = &self.twist_limits;
+        let limits = self.rig.twist_limits();
         let table = &self.mechanism.table.metadata;
         let twist_rad = shaft.position - zero_rad;
         let brakes = |left_rad: f32| braking_speed(left_rad.max(0.0), limits.acceleration);

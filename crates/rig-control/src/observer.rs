@@ -98,8 +98,6 @@ pub struct LoadObserver {
 pub struct Observation {
     /// Load with which the table's mechanism is evaluated (N): given, or the apparent one.
     pub mechanism_load_n: f32,
-    /// Friction between load and pull (N).
-    pub friction_n: f32,
     /// What the strings pull with (N).
     pub pull_n: f32,
     /// The apparent load that this tick alone shows if the load moves (N), without the lag of the estimate.
@@ -271,7 +269,6 @@ impl LoadObserver {
         };
         Observation {
             mechanism_load_n,
-            friction_n: self.friction_n,
             pull_n,
             shown_n,
             point,

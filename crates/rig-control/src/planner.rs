@@ -1,9 +1,9 @@
 //! Motion of the load under limits of speed, acceleration and jerk. Target and limits may change at any time: each tick is planned
 //! from the present motion.
 
+use crate::TICK_S;
 use crate::limits::Limits;
 use crate::load_state::LoadState;
-use crate::{RigConstants, TICK_S};
 use tsa_table::Point;
 
 /// Gain (1/s) by which a set-point follows a target that moves. Its speed follows three times as fast.
@@ -27,6 +27,11 @@ pub struct Motion {
 }
 
 impl Motion {
+    /// At rest at a position (m).
+    pub const fn at(position: f32) -> Self {
+        Self { position, speed: 0.0, acceleration: 0.0 }
+    }
+
     /// One tick on, arriving at an acceleration.
     fn after(&self, acceleration: f32) -> Self {
         let mean = (2.0 * self.acceleration + acceleration) / 3.0;
@@ -113,14 +118,10 @@ pub struct Planner {
 /// Set-point of one tick.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SetPoint {
-    /// Position of the load (m).
-    pub position_m: f32,
-    /// Its speed (m/s).
-    pub speed_m_per_s: f32,
-    /// Its acceleration (m/s²) and jerk (m/s³).
-    pub acceleration_m_per_s2: f32,
-    /// Its jerk (m/s³).
-    pub jerk_m_per_s3: f32,
+    /// Where the load is to be, and how it is to move.
+    pub motion: Motion,
+    /// How fast its acceleration changes (m/s³).
+    pub jerk: f32,
     /// Whether the target is reached.
     pub done: bool,
 }
@@ -128,14 +129,14 @@ pub struct SetPoint {
 impl SetPoint {
     /// At rest at its target (m).
     pub const fn at(position_m: f32) -> Self {
-        Self { position_m, speed_m_per_s: 0.0, acceleration_m_per_s2: 0.0, jerk_m_per_s3: 0.0, done: true }
+        Self { motion: Motion::at(position_m), jerk: 0.0, done: true }
     }
 }
 
 impl Planner {
     /// At rest at a position (m).
     pub const fn at(position_m: f32) -> Self {
-        Self { now: Motion { position: position_m, speed: 0.0, acceleration: 0.0 }, target_m: position_m }
+        Self { now: Motion::at(position_m), target_m: position_m }
     }
 
     /// Speed of the set-point (m/s).
@@ -150,7 +151,7 @@ impl Planner {
 
     /// Whether the set-point stands at its target.
     pub fn is_at_rest(&self) -> bool {
-        self.now == Self::at(self.target_m).now
+        self.now == Motion::at(self.target_m)
     }
 
     /// Direction (±1) of a move that is about to leave rest; 0 under way and at the target.
@@ -177,13 +178,13 @@ impl Planner {
     /// How long (s) until the set-point is at its target, at a speed (m/s) at most, before the move has begun. Where the motor
     /// limits the speed, the speed follows TR along the way, which no closed formula gives. So the way is divided into pieces;
     /// TR at the middle of each piece gives its speed limit and the twist at its end.
-    pub fn time_to_target_s(&self, asked_m_per_s: f32, load: &LoadState<'_>, rig: &RigConstants) -> f32 {
+    pub fn time_to_target_s(&self, asked_m_per_s: f32, load: &LoadState<'_>) -> f32 {
         let distance_m = self.target_m - self.set_point_m();
         let direction = libm::copysignf(1.0, distance_m);
         let piece_m = distance_m.abs() / f32::from(PIECES);
         // What the strings pull on the way: they carry friction upwards, and friction carries the load downwards.
-        let load_n = load.observation.mechanism_load_n + direction * load.observation.friction_n;
-        let limits = |point: &Point| Limits::for_motor(asked_m_per_s, point, load_n, rig).0;
+        let load_n = load.observation.mechanism_load_n + direction * load.found.friction_n;
+        let limits = |point: &Point| Limits::for_motor(asked_m_per_s, point, load_n, load.rig).0;
         let mut twist_rad = load.twist_rad;
         let mut point = load.observation.point;
         let first = limits(&point);
@@ -231,14 +232,8 @@ impl Planner {
 
     /// After a tick that began with an acceleration.
     fn set_point(&self, before: f32) -> SetPoint {
-        let Motion { position, speed, acceleration } = self.now;
-        SetPoint {
-            position_m: position,
-            speed_m_per_s: speed,
-            acceleration_m_per_s2: acceleration,
-            jerk_m_per_s3: (acceleration - before) / TICK_S,
-            done: self.is_at_rest(),
-        }
+        let jerk = (self.now.acceleration - before) / TICK_S;
+        SetPoint { motion: self.now, jerk, done: self.is_at_rest() }
     }
 
     /// One tick.

@@ -12,7 +12,7 @@ use crate::friction_compensation::FrictionCompensation;
 use crate::load_motion::AHEAD_S;
 use crate::load_state::LoadState;
 use crate::observer::TRAVEL_M;
-use crate::planner::SetPoint;
+use crate::planner::{Motion, SetPoint};
 use crate::rest::{Rest, Standing};
 
 /// Poles `(s + A)(s² + B s + C)` over ω, with a damping ratio of 0.32: chosen, with [`FULL_PER_S`] and the observer's decay, by the
@@ -79,22 +79,21 @@ impl PositionLoop {
         let frequency = libm::sqrtf(frequency_squared);
         let hung = load.mechanism.at(motion.weight_n, load.twist_rad);
         // The set-point when this command acts.
-        let SetPoint { speed_m_per_s: speed, acceleration_m_per_s2: acceleration, jerk_m_per_s3: jerk, .. } =
-            *set_point;
-        let wanted_m = set_point.position_m + AHEAD_S * (speed + 0.5 * AHEAD_S * acceleration);
+        let SetPoint { motion: Motion { position, speed, acceleration }, jerk, done } = *set_point;
+        let wanted_m = position + AHEAD_S * (speed + 0.5 * AHEAD_S * acceleration);
         let wanted_speed = speed + AHEAD_S * acceleration;
-        let error_m = wanted_m - (load.reference_gap_m - motion.gap_m);
+        let error_m = wanted_m - (load.found.reference_gap_m - motion.gap_m);
         let speed_error = wanted_speed + motion.speed_m_per_s;
-        let rest_m = load.reference_gap_m - hung.gap_m;
+        let rest_m = load.found.reference_gap_m - hung.gap_m;
         let rest_error_m = wanted_m + acceleration / frequency_squared - rest_m;
-        let standing = self.rest.step(set_point.done, set_point.position_m - load.position_m, load);
+        let standing = self.rest.step(done, position - load.position_m, load);
         let [by_position, by_speed, by_rest] = GAINS;
         // What brings the place of rest to where it is wanted, and what damps the oscillation about it.
         let place = frequency.min(FULL_PER_S) * (by_position + by_rest) * rest_error_m;
-        let max_m_per_s = DAMPING_FRACTION * load.twist_limits.speed / hung.tr_rad_per_m();
+        let max_m_per_s = DAMPING_FRACTION * load.rig.twist_speed_max() / hung.tr_rad_per_m();
         let damping = frequency * by_position * (error_m - rest_error_m) + by_speed * speed_error;
         let damping = (damping_fraction(frequency) * damping).clamp(-max_m_per_s, max_m_per_s);
-        let feedback = load.loop_gain * (place + damping);
+        let feedback = load.rig.loop_gain * (place + damping);
         // The observer knows no friction: a load that sticks is not where it would come to rest.
         let (feedback, stuck_m) = match standing {
             Standing::LeftAlone => {
@@ -119,14 +118,14 @@ impl PositionLoop {
         let weight_n = load.motion.weight_n;
         // A load at its set-point is where it is wanted, and one that has left a set-point which stands is not jammed: its strings
         // turn for another weight.
-        let at_set_point = (set_point.position_m - load.position_m).abs() < TRAVEL_M;
+        let at_set_point = (set_point.motion.position - load.position_m).abs() < TRAVEL_M;
         self.was_there = at_set_point || (self.was_there && set_point.done);
         let known = if self.was_there { 1.0 } else { (observation.moved_m / load.moved_m()).min(1.0) };
         let before_n = self.moved_load_n.unwrap_or(weight_n);
         let moved_load_n = before_n + known * (weight_n - before_n);
         self.moved_load_n = Some(moved_load_n);
         let beyond_n = observation.pull_n - moved_load_n;
-        let max_n = MIN_JAMMED_N + JAMMED_FRACTION * moved_load_n + 2.0 * observation.friction_n;
+        let max_n = MIN_JAMMED_N + JAMMED_FRACTION * moved_load_n + 2.0 * load.found.friction_n;
         if beyond_n.abs() > max_n { beyond_n } else { 0.0 }
     }
 }

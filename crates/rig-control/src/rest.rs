@@ -8,6 +8,7 @@
 use crate::homing::NINETY_PERCENT;
 use crate::load_state::LoadState;
 use crate::observer::SETTLED_TICKS;
+use rig_link::messages::HomingResult;
 
 /// Ticks in which a load has not left its place, after which it stands. Its speed is not asked: the observer expects a load
 /// that sticks to go along with its strings.
@@ -40,16 +41,15 @@ pub struct Rest {
 }
 
 impl Rest {
-    /// Error (m) below which a load at rest is left alone: half a jump, because stiction does not let the loop reduce it, where homing
-    /// saw jumps so long (m); and what is noise, with a noise of the gap in one tick (m, rms).
-    pub fn left_alone_m(&self, noise_m: f32, jump_m: f32) -> f32 {
-        (NINETY_PERCENT * noise_m).max(0.5 * self.jump_m.unwrap_or(jump_m))
+    /// Error (m) below which a load at rest is left alone: half a jump, because stiction does not let the loop reduce it, and what is
+    /// noise. Until a jump is seen at this target, jumps are as long as homing found them.
+    pub fn left_alone_m(&self, found: &HomingResult) -> f32 {
+        (NINETY_PERCENT * found.gap_noise_m).max(0.5 * self.jump_m.unwrap_or(found.jump_m))
     }
 
     /// One tick; `done` when the set-point is at its target, and the error (m) of the load there.
     pub fn step(&mut self, done: bool, error_m: f32, load: &LoadState<'_>) -> Standing {
-        let noise_m = load.gap_noise_m;
-        let near_m = self.left_alone_m(noise_m, load.jump_m);
+        let near_m = self.left_alone_m(load.found);
         let recent_m = 0.5 * (error_m + core::mem::replace(&mut self.last_m, error_m));
         let still = self.ticks == 0 || (recent_m - self.error_m).abs() < load.moved_m();
         if done && !still && self.left_alone && recent_m.abs() < near_m {
@@ -59,7 +59,7 @@ impl Rest {
         }
         if !(done && still) {
             // Stiction of one and a half times the friction makes a jump of friction over stiffness: what is farther has another cause.
-            let longest_jump_m = load.observation.friction_n * load.observation.point.dgap_dload_m_per_n;
+            let longest_jump_m = load.found.friction_n * load.observation.point.dgap_dload_m_per_n;
             if !done || error_m.abs() > longest_jump_m {
                 (self.stood_m, self.jump_m) = (None, None);
             }

@@ -7,54 +7,31 @@ use micromath::F32Ext;
 use rig_link::messages::HomingFailure;
 
 /// Bins across the sweep.
-const BINS: usize = 48;
+pub(super) const BINS: usize = 48;
 /// Levels whose midpoints are averaged.
 const LEVELS: usize = 16;
 /// Largest disagreement between the two directions, as a fraction of half the sweep: beyond it the load hardly follows.
 const LARGEST_SPLIT: f32 = 0.9;
 
-/// Two sweeps, binned by shaft angle. Angles are kept relative to the rough middle.
-#[derive(Clone, Debug)]
-pub(super) struct Centre {
-    pub(super) sweeps: Sweeps<BINS>,
-    pub(super) middle_rad: f32,
+/// The middle of both sweeps (rad) and its estimated error (rad). Friction makes the two directions differ. Half of that
+/// difference would be an upper bound of the error if it did not cancel; a tenth of it is counted, besides the scatter of the
+/// midpoints.
+///
+/// # Errors
+/// [`HomingFailure::NoPretwist`] if a sweep shows no maximum, [`HomingFailure::PoorFit`] if the two disagree.
+pub(super) fn middle(sweeps: &Sweeps<BINS>) -> Result<(f32, f32), HomingFailure> {
+    let [first, second] = &sweeps.bins;
+    let (first, second) = (middle_of_sweep(first)?, middle_of_sweep(second)?);
+    if (first.0 - second.0).abs() > LARGEST_SPLIT * SWEEP_HALF {
+        return Err(HomingFailure::PoorFit);
+    }
+    // The error is an estimate: micromath's root, 6 % off at most, is good enough for it.
+    let scatter = F32Ext::sqrt(0.5 * (first.1 * first.1 + second.1 * second.1));
+    let error = 0.05 * (first.0 - second.0).abs() + scatter / F32Ext::sqrt(LEVELS as f32);
+    Ok((0.5 * (first.0 + second.0), error))
 }
 
-impl Centre {
-    /// Sweeps across a rough middle (rad), to [`SWEEP_HALF`] on both sides of it.
-    pub(super) const fn new(middle_rad: f32) -> Self {
-        Self { sweeps: Sweeps::NEW, middle_rad }
-    }
-
-    pub(super) fn record(&mut self, shaft_rad: f32, gap_m: f32) {
-        let relative = shaft_rad - self.middle_rad;
-        let place = (relative / SWEEP_HALF + 1.0) * 0.5 * BINS as f32;
-        if place < BINS as f32 {
-            self.sweeps.record(place, relative, gap_m);
-        }
-    }
-
-    /// The middle (rad) and its estimated error (rad). Friction makes the two directions differ. Half of that difference
-    /// would be an upper bound of the error if it did not cancel; a tenth of it is counted, besides the scatter of the
-    /// midpoints.
-    ///
-    /// # Errors
-    /// [`HomingFailure::NoPretwist`] if a sweep shows no maximum, [`HomingFailure::PoorFit`] if the two disagree.
-    pub(super) fn solve(&self) -> Result<(f32, f32), HomingFailure> {
-        let [first, second] = &self.sweeps.bins;
-        let (first, second) = (middle_of_sweep(first)?, middle_of_sweep(second)?);
-        if (first.0 - second.0).abs() > LARGEST_SPLIT * SWEEP_HALF {
-            return Err(HomingFailure::PoorFit);
-        }
-        // The error is an estimate: micromath's root, 6 % off at most, is good enough for it.
-        let scatter = F32Ext::sqrt(0.5 * (first.1 * first.1 + second.1 * second.1));
-        let error = 0.05 * (first.0 - second.0).abs() + scatter / F32Ext::sqrt(LEVELS as f32);
-        Ok((self.middle_rad + 0.5 * (first.0 + second.0), error))
-    }
-}
-
-/// Mean and scatter (rad) of the midpoints between equal gaps on both sides of one sweep's maximum, relative to the rough
-/// middle.
+/// Mean and scatter (rad) of the midpoints between equal gaps on both sides of one sweep's maximum.
 fn middle_of_sweep(bins: &[Bin; BINS]) -> Result<(f32, f32), HomingFailure> {
     let mut curve = heapless::Vec::<(f32, f32), BINS>::new();
     for bin in bins.iter().filter(|b| b.count > 0) {
@@ -106,24 +83,24 @@ fn crossing<'a>(mut points: impl Iterator<Item = &'a (f32, f32)>, level: f32) ->
 mod tests {
     use super::*;
 
-    fn sweep(zero: f32, lag: f32, height: f32) -> Centre {
-        let mut c = Centre::new(10.0);
+    fn sweep(zero: f32, lag: f32, height: f32) -> Sweeps<BINS> {
+        let mut sweeps = Sweeps::NEW;
         for (pass, sign) in [(0, 1.0f32), (1, -1.0)] {
-            assert_eq!(c.sweeps.pass, pass);
+            assert_eq!(sweeps.pass, pass);
             for k in 0..=1000 {
-                let shaft = 10.0 + sign * (k as f32 / 100.0 - 5.0);
+                let shaft = sign * (k as f32 / 100.0 - 5.0);
                 let twist = shaft - lag * sign - zero;
-                c.record(shaft, 0.1 - height * (1.0 - libm::cosf(twist / 2.0)));
+                sweeps.record(0.1 * shaft + 0.5, shaft, 0.1 - height * (1.0 - libm::cosf(twist / 2.0)));
             }
-            assert_eq!(c.sweeps.end_pass(), pass == 1);
+            assert_eq!(sweeps.end_pass(), pass == 1);
         }
-        c
+        sweeps
     }
 
     #[test]
     fn the_middle_is_found_and_lag_cancels() {
-        for (zero, lag) in [(10.0, 0.0), (10.4, 0.0), (9.3, 0.05), (10.1, 0.2)] {
-            let (found, error) = sweep(zero, lag, 0.004).solve().unwrap();
+        for (zero, lag) in [(0.0, 0.0), (0.4, 0.0), (-0.7, 0.05), (0.1, 0.2)] {
+            let (found, error) = middle(&sweep(zero, lag, 0.004)).unwrap();
             assert!((found - zero).abs() < 3e-3, "{found} for {zero} with lag {lag}");
             assert!(error < 0.05);
         }
@@ -131,9 +108,9 @@ mod tests {
 
     #[test]
     fn what_is_flat_or_one_sided_or_split_is_refused() {
-        assert_eq!(sweep(10.0, 0.0, 1e-5).solve(), Err(HomingFailure::NoPretwist));
-        assert_eq!(sweep(16.0, 0.0, 0.004).solve(), Err(HomingFailure::NoPretwist));
-        assert_eq!(sweep(10.0, 2.4, 0.02).solve(), Err(HomingFailure::PoorFit));
-        assert_eq!(Centre::new(0.0).solve(), Err(HomingFailure::NoPretwist));
+        assert_eq!(middle(&sweep(0.0, 0.0, 1e-5)), Err(HomingFailure::NoPretwist));
+        assert_eq!(middle(&sweep(6.0, 0.0, 0.004)), Err(HomingFailure::NoPretwist));
+        assert_eq!(middle(&sweep(0.0, 2.4, 0.02)), Err(HomingFailure::PoorFit));
+        assert_eq!(middle(&Sweeps::NEW), Err(HomingFailure::NoPretwist));
     }
 }

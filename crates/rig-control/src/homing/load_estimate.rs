@@ -125,14 +125,6 @@ impl LoadEstimate {
         }
     }
 
-    /// `fraction` of the sweep travelled, 0 to 1.
-    pub(super) fn record(&mut self, fraction: f32, twist_rad: f32, gap_m: f32) {
-        let place = fraction * BINS as f32;
-        if fraction <= 1.0 {
-            self.sweeps.record(place, twist_rad, gap_m);
-        }
-    }
-
     /// Begins in the (geometric) middle of the table's range.
     pub(super) fn begin_fit(&mut self, table: &Table<'_>, rig: &RigConstants) {
         let m = &table.metadata;

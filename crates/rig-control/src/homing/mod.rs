@@ -25,13 +25,13 @@ use crate::mechanism::Mechanism;
 use crate::observer::{SETTLED_TICKS, TRAVEL_M};
 use crate::ramp::Ramp;
 use crate::{RigConstants, TICK_S};
-use centre::Centre;
 use core::f32::consts::{PI, TAU};
 use load_estimate::{LoadEstimate, MIN_GAP_ERROR_M};
 use quiet::Quiet;
 use rig_link::messages::{HomingFailure, HomingResult, LoadChoice};
 use rises::Rises;
 use stick_slip::StickSlip;
+use sweeps::Sweeps;
 use tsa_table::Table;
 
 /// Fraction of a new reading in the smoothed gap.
@@ -154,7 +154,8 @@ pub struct Homing {
     ticks: u32,
     /// Ticks in which the load has been waited for.
     waited: u16,
-    centre: Centre,
+    /// Across the maximum. Their angles count from where the search found it.
+    centre: Sweeps<{ centre::BINS }>,
     load_estimate: LoadEstimate,
     stick_slip: StickSlip,
     zero_rad: f32,
@@ -184,7 +185,7 @@ impl Homing {
             direction: 1.0,
             ticks: 0,
             waited: 0,
-            centre: Centre::new(0.0),
+            centre: Sweeps::NEW,
             load_estimate: LoadEstimate::new(twist_scale, load, heaviest_n),
             stick_slip: StickSlip::default(),
             zero_rad: 0.0,
@@ -214,7 +215,11 @@ impl Homing {
             Phase::Quiet(quiet) => self.wait_for_quiet(quiet),
             Phase::Probe { start_rad, gap_m } => self.probe(start_rad, gap_m, shaft_rad)?,
             Phase::Seek(seek) => self.seek(seek, shaft_rad)?,
-            Phase::CentreRest => self.rest_before_centre(),
+            // From the far side, where the seek came to rest, so that nothing is travelled twice.
+            Phase::CentreRest => match self.has_rested_at(self.zero_rad + self.direction * SWEEP_HALF) {
+                true => Phase::Centre,
+                false => Phase::CentreRest,
+            },
             Phase::Centre => self.sweep_centre(shaft_at_gap_rad, gap_m)?,
             Phase::LoadRest => match self.has_rested_at(self.zero_rad + PI) {
                 true => Phase::LoadEstimate,
@@ -306,22 +311,16 @@ impl Homing {
         self.rest_ticks >= SETTLED_TICKS
     }
 
-    fn rest_before_centre(&mut self) -> Phase {
-        // From the far side, where the seek came to rest, so that nothing is travelled twice.
-        if !self.has_rested_at(self.zero_rad + self.direction * SWEEP_HALF) {
-            return Phase::CentreRest;
-        }
-        self.centre = Centre::new(self.zero_rad);
-        Phase::Centre
-    }
-
     fn sweep_centre(&mut self, shaft_at_gap_rad: f32, gap_m: f32) -> Result<Phase, HomingFailure> {
         // First pass away from the seek's side, second pass back.
-        let side = if self.centre.sweeps.pass == 0 { -self.direction } else { self.direction };
-        let ended = self.turn_to(self.centre.middle_rad + side * SWEEP_HALF);
-        self.centre.record(shaft_at_gap_rad, gap_m);
-        if ended && self.centre.sweeps.end_pass() {
-            (self.zero_rad, self.zero_error_rad) = self.centre.solve()?;
+        let side = if self.centre.pass == 0 { -self.direction } else { self.direction };
+        let ended = self.turn_to(self.zero_rad + side * SWEEP_HALF);
+        let from_top_rad = shaft_at_gap_rad - self.zero_rad;
+        self.centre.record((from_top_rad / SWEEP_HALF + 1.0) * 0.5, from_top_rad, gap_m);
+        if ended && self.centre.end_pass() {
+            let (middle_rad, error_rad) = centre::middle(&self.centre)?;
+            self.zero_rad += middle_rad;
+            self.zero_error_rad = error_rad;
             self.rest_ticks = 0;
             return Ok(Phase::LoadRest);
         }
@@ -340,7 +339,7 @@ impl Homing {
         } else {
             self.stick_slip.turn();
         }
-        self.load_estimate.record((shaft_at_gap_rad - start) / travel, shaft_at_gap_rad - self.zero_rad, gap_m);
+        self.load_estimate.sweeps.record((shaft_at_gap_rad - start) / travel, shaft_at_gap_rad - self.zero_rad, gap_m);
         if ended && self.load_estimate.sweeps.end_pass() {
             self.load_estimate.begin_fit(table, rig);
             return Phase::Settle { quiet: Quiet::default(), rest: Rest::default() };

@@ -20,10 +20,10 @@ impl<const BINS: usize> Sweeps<BINS> {
     /// Before the first sweep.
     pub(super) const NEW: Self = Self { bins: [[Bin { angle_sum: 0.0, gap_sum: 0.0, count: 0 }; BINS]; 2], pass: 0 };
 
-    /// Adds a reading at a place in the present sweep, 0 to the number of bins.
-    pub(super) fn record(&mut self, place: f32, angle_rad: f32, gap_m: f32) {
-        if let (true, Some(bins)) = (place >= 0.0, self.bins.get_mut(self.pass)) {
-            let bin = &mut bins[(place as usize).min(BINS - 1)];
+    /// Adds a reading of the present sweep, with 0 to 1 of its range travelled. Readings outside the range are left out.
+    pub(super) fn record(&mut self, fraction: f32, angle_rad: f32, gap_m: f32) {
+        if let (true, Some(bins)) = ((0.0..=1.0).contains(&fraction), self.bins.get_mut(self.pass)) {
+            let bin = &mut bins[((fraction * BINS as f32) as usize).min(BINS - 1)];
             bin.angle_sum += angle_rad;
             bin.gap_sum += gap_m;
             bin.count = bin.count.saturating_add(1);

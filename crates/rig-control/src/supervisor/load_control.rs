@@ -4,13 +4,13 @@
 use super::guard::{LONG_TICKS, SHORT_TICKS};
 use super::modes::Mode;
 use super::{Controller, Events, lasts};
+use crate::TICK_S;
 use crate::limits::Limits;
 use crate::load_motion::AHEAD_S;
 use crate::load_state::LoadState;
 use crate::planner::{Planner, SetPoint};
 use crate::position_loop::{LoopOutput, PositionLoop};
 use crate::sensors::LVDT_COUNT_M;
-use crate::{RigConstants, TICK_S};
 use rig_link::messages::{EventKind, Limit};
 
 /// A set-point waits for strings that are behind it, because the load has changed while they turn as fast as they can: from the first
@@ -105,21 +105,21 @@ impl Move {
     }
 
     /// One tick: what the loop turns, what holds the load back, and whether the set-point is at its target.
-    pub(super) fn step(&mut self, load: &LoadState<'_>, rig: &RigConstants) -> (LoopOutput, Option<Limit>, bool) {
+    pub(super) fn step(&mut self, load: &LoadState<'_>) -> (LoopOutput, Option<Limit>, bool) {
         let Self { control, speed_m_per_s, .. } = self;
         let (here, pull_n) = (load.observation.point, load.observation.pull_n);
-        let (limits, limit) = Limits::for_motor(*speed_m_per_s, &here, pull_n, rig);
+        let (limits, limit) = Limits::for_motor(*speed_m_per_s, &here, pull_n, load.rig);
         let stopping_rad = here.tr_rad_per_m() * limits.stopping_m(control.planner.speed_m_per_s());
         let rest = load.mechanism.at(pull_n, load.twist_rad + stopping_rad);
-        let limits = limits.braking_into(&Limits::for_motor(*speed_m_per_s, &rest, pull_n, rig).0);
+        let limits = limits.braking_into(&Limits::for_motor(*speed_m_per_s, &rest, pull_n, load.rig).0);
         let way = libm::copysignf(1.0, control.planner.target_m - control.planner.set_point_m());
-        let max_m_per_s = speed_fraction(way * self.rest_error_m) * rig.twist_speed_max() / here.tr_rad_per_m();
+        let max_m_per_s = speed_fraction(way * self.rest_error_m) * load.rig.twist_speed_max() / here.tr_rad_per_m();
         let limits = Limits { speed: limits.speed.min(max_m_per_s), ..limits };
         self.limits = Some(limits);
         // Until the strings have taken up friction the load cannot move: the set-point waits for it.
         let waiting = control.position_loop.compensation.waiting;
         if !self.stopping {
-            let run_s = self.run_s.get_or_insert_with(|| control.planner.time_to_target_s(*speed_m_per_s, load, rig));
+            let run_s = self.run_s.get_or_insert_with(|| control.planner.time_to_target_s(*speed_m_per_s, load));
             if !waiting {
                 *run_s = (*run_s - TICK_S).max(0.0);
             }
@@ -143,7 +143,7 @@ impl Move {
     pub(super) fn is_over(&mut self, load: &LoadState<'_>, at_end: bool) -> bool {
         let error_m = self.control.planner.target_m - load.position_m;
         // What stiction leaves.
-        let left_m = self.control.position_loop.rest.left_alone_m(load.gap_noise_m, load.jump_m);
+        let left_m = self.control.position_loop.rest.left_alone_m(load.found);
         // Half an LVDT count, or what is no motion; the loop goes on holding after that.
         let near = error_m.abs() < (0.5 * LVDT_COUNT_M).max(load.moved_m()).max(left_m);
         let arrived = lasts(&mut self.near_ticks, near || at_end, SHORT_TICKS);
@@ -173,26 +173,22 @@ impl Controller {
             let _ = events.push(EventKind::StreamEnded(end));
             self.mode = Mode::Moving(stream.brake());
         }
-        let found = &tracking.homed.found;
         let load = LoadState {
             mechanism: tracking.mechanism(self.table.table()),
             observation,
             position_m: tracking.position_m,
             motion,
-            reference_gap_m: found.reference_gap_m,
-            gap_noise_m: found.gap_noise_m,
-            jump_m: found.jump_m,
             twist_rad,
-            twist_limits: self.constants.twist_limits(),
-            loop_gain: self.constants.loop_gain,
+            found: &tracking.homed.found,
+            rig: &self.constants,
         };
         let (output, limit, planned) = match &mut self.mode {
             Mode::Moving(planned) => {
-                let (output, limit, arrived) = planned.step(&load, &self.constants);
+                let (output, limit, arrived) = planned.step(&load);
                 (output, limit, Some((planned, arrived)))
             }
             Mode::Streaming(stream) => {
-                let (output, limit) = stream.step(&load, &self.constants);
+                let (output, limit) = stream.step(&load);
                 (output, limit, None)
             }
             Mode::Holding(control) => (control.hold(&load), None, None),
@@ -202,10 +198,11 @@ impl Controller {
         self.shaft = shaft;
         let limit = at_end.then_some(Limit::Travel).or(limit);
         let Some((planned, arrived)) = planned else { return limit };
+        let over = arrived && planned.is_over(&load, at_end);
         let (scale, observer) = (&mut tracking.homed.found.twist_scale, &mut tracking.observer);
         tracking.adaptation.step(scale, observer, &observation, twist_rad, arrived);
-        if arrived && planned.is_over(&load, at_end) {
-            let error_m = load.position_m - planned.control.planner.target_m;
+        if over {
+            let error_m = tracking.position_m - planned.control.planner.target_m;
             let _ = events.push(if planned.stopping { EventKind::Stopped } else { EventKind::MoveDone { error_m } });
             self.mode = Mode::Holding(planned.control);
         }

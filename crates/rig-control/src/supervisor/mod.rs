@@ -279,7 +279,7 @@ impl Controller {
     pub fn resume(&mut self, homed: Homed) {
         self.shaft = Ramp::at(homed.zero_rad + core::f32::consts::PI);
         self.closed_loop = true;
-        self.tracking = Some(LoadTracking::new(homed, &self.table.table(), &self.settings, &self.constants));
+        self.tracking = Some(LoadTracking::new(homed, &self.table.table(), &self.settings));
         self.mode = Mode::Idle;
     }
 

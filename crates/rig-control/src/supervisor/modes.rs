@@ -195,10 +195,7 @@ impl Controller {
         // Counts, not the drive's speed, in which the dither of a few counts looks like motion.
         let standing_rad_per_s =
             if self.closed_loop { f32::from(STANDING_RPM) / 60.0 * TAU } else { SINKING_RAD_PER_S };
-        let standing_counts = standing_rad_per_s / self.constants.gear_ratio
-            * self.constants.counts_per_rad.abs()
-            * TICK_S
-            * f32::from(SHORT_TICKS);
+        let standing_counts = self.constants.counts_per_s(standing_rad_per_s) * TICK_S * f32::from(SHORT_TICKS);
         let stands =
             counts.iter().zip(boot.stood_at).all(|(now, then)| (now - then).abs() <= whole_counts(standing_counts));
         // The first readings of a sensor after power-up are not relied on.

@@ -98,7 +98,7 @@ impl Controller {
             twist_rad: tracking.map(|tracking| tracking.twist_rad(self.sensing.readings.shaft_rad)),
             load_n: observed.map(|(tracking, _)| tracking.observer.load_n()),
             load_error_n: observed.map(|(_, observation)| observation.load_error_n),
-            position_error_m: tracking.zip(gap_m).map(|(tracking, _)| tracking.position_error_m()),
+            position_error_m: tracking.zip(gap_m).map(|(tracking, _)| tracking.position_error_m(&self.constants)),
             tr_rad_per_m: observed.map(|(_, observation)| observation.point.tr_rad_per_m()),
             drive_current_a,
             drive_speed_rad_per_s,
@@ -128,10 +128,11 @@ impl Controller {
             estop_open: inputs.estop_open,
             upper_limit_open: inputs.upper_limit_open,
             lower_limit_open: inputs.lower_limit_open,
-            rest_tolerance_m: self.tracking.as_ref().zip(self.mode.load_control()).map(|(tracking, control)| {
-                let found = &tracking.homed.found;
-                control.position_loop.rest.left_alone_m(found.gap_noise_m, found.jump_m)
-            }),
+            rest_tolerance_m: self
+                .tracking
+                .as_ref()
+                .zip(self.mode.load_control())
+                .map(|(tracking, control)| control.position_loop.rest.left_alone_m(&tracking.homed.found)),
             counters,
         }
     }

@@ -106,17 +106,17 @@ impl Stream {
     }
 
     /// One tick: what the loop turns, and what holds the load back.
-    pub(super) fn step(&mut self, load: &LoadState<'_>, rig: &RigConstants) -> (LoopOutput, Option<Limit>) {
+    pub(super) fn step(&mut self, load: &LoadState<'_>) -> (LoopOutput, Option<Limit>) {
         self.advance();
         let observation = &load.observation;
-        let (limits, _) = Limits::for_motor(self.speed_max_m_per_s, &observation.point, observation.pull_n, rig);
+        let (limits, _) = Limits::for_motor(self.speed_max_m_per_s, &observation.point, observation.pull_n, load.rig);
         self.limits = Some(limits);
         let (set_point, held_back) = self.control.planner.follow(&self.target, &limits);
         let output = self.control.position_loop.step(&set_point, false, load);
         if observation.moved_m > 0.0 {
-            self.moved_at_m = set_point.position_m;
+            self.moved_at_m = set_point.motion.position;
         }
-        let sticks = (set_point.position_m - self.moved_at_m).abs() > load.moved_m();
+        let sticks = (set_point.motion.position - self.moved_at_m).abs() > load.moved_m();
         (output, held_back.then_some(Limit::MotorSpeed).or(sticks.then_some(Limit::Friction)))
     }
 }

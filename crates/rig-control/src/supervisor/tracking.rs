@@ -2,7 +2,6 @@
 
 use super::sensing::Readings;
 use crate::adaptation::Adaptation;
-use crate::constants::ChangeError;
 use crate::homing::{Homed, NINETY_PERCENT};
 use crate::load_motion::{AHEAD_S, LoadMotion, Measured};
 use crate::mechanism::Mechanism;
@@ -20,9 +19,8 @@ pub(super) struct LoadTracking {
     pub(super) homed: Homed,
     pub(super) observer: LoadObserver,
     pub(super) adaptation: Adaptation,
-    /// Gap where the load hung when homing ended (m), and the 90 % error of a change of the gap since then.
+    /// Gap where the load hung when homing ended (m).
     homed_gap_m: f32,
-    lvdt_change_error: ChangeError,
     /// Newest measured position (m).
     pub(super) position_m: f32,
     /// How far the load may have moved since that was measured (m).
@@ -33,14 +31,13 @@ pub(super) struct LoadTracking {
 
 impl LoadTracking {
     /// From a homing, at rest at the half-turn pre-twist.
-    pub(super) fn new(mut homed: Homed, table: &Table<'_>, settings: &SettingValues, constants: &RigConstants) -> Self {
+    pub(super) fn new(mut homed: Homed, table: &Table<'_>, settings: &SettingValues) -> Self {
         let homed_gap_m = homed.found.reference_gap_m;
         homed.found.reference_gap_m -= settings.get(Setting::PositionZero);
         Self {
             homed,
             observer: LoadObserver::new(&homed.found, &table.metadata.uncertainty, homed.heaviest_n),
             homed_gap_m,
-            lvdt_change_error: constants.lvdt_change_error(),
             adaptation: Adaptation::new(homed.found.twist_scale),
             // Subtract from zero: negating 0.0 would print as -0.
             position_m: 0.0 - settings.get(Setting::PositionZero),
@@ -56,9 +53,9 @@ impl LoadTracking {
 
     /// Error of the position, 90 % (m): the LVDT's between here and where it was homed, the noise here, and in full how far the
     /// load may have moved since it was measured.
-    pub(super) fn position_error_m(&self) -> f32 {
+    pub(super) fn position_error_m(&self, rig: &RigConstants) -> f32 {
         let gap_m = self.homed.found.reference_gap_m - self.position_m;
-        let by_lvdt_m = self.lvdt_change_error.of(gap_m - self.homed_gap_m);
+        let by_lvdt_m = rig.lvdt_change_error().of(gap_m - self.homed_gap_m);
         libm::hypotf(by_lvdt_m, NINETY_PERCENT * self.homed.found.gap_noise_m) + self.moved_since_m
     }
 

@@ -7,7 +7,7 @@ use rig_control::load_motion::LoadMotion;
 use rig_control::load_state::LoadState;
 use rig_control::mechanism::Mechanism;
 use rig_control::observer::Observation;
-use rig_link::messages::GapCurve;
+use rig_link::messages::{GapCurve, HomingResult};
 use std::path::Path;
 use std::sync::OnceLock;
 use tsa_table::Table;
@@ -37,6 +37,21 @@ pub fn constants() -> RigConstants {
     scene().constants()
 }
 
+/// What homing finds on a rig like its own model, on a rail without friction.
+pub const HOMED: HomingResult = HomingResult {
+    zero_error_rad: 0.0,
+    load_n: 5.0,
+    load_error_n: 0.25,
+    friction_n: 0.0,
+    reference_gap_m: 0.095,
+    gap_noise_m: MIN_GAP_ERROR_M,
+    jump_m: 0.0,
+    twist_scale: 1.0,
+    curve: GapCurve::constant(0.0),
+    covariance: [1e-6, 0.0, 0.0, 0.0, 0.0, 0.0],
+    drive_lag_s: 0.01,
+};
+
 /// A load (N) at rest at position 0 with the strings at a twist (rad), on a rail with a friction (N), last moved upwards.
 pub fn hanging(load_n: f32, friction_n: f32, twist_rad: f32) -> LoadState<'static> {
     let mechanism = Mechanism { table: *table(), twist_scale: 1.0, curve: GapCurve::constant(0.0) };
@@ -45,7 +60,6 @@ pub fn hanging(load_n: f32, friction_n: f32, twist_rad: f32) -> LoadState<'stati
     let motion = LoadMotion::at_rest(&mechanism, point.gap_m, twist_rad, pull_n);
     let observation = Observation {
         mechanism_load_n: load_n,
-        friction_n,
         pull_n,
         shown_n: load_n,
         point,
@@ -60,11 +74,8 @@ pub fn hanging(load_n: f32, friction_n: f32, twist_rad: f32) -> LoadState<'stati
         observation,
         position_m: 0.0,
         motion,
-        reference_gap_m: point.gap_m,
-        gap_noise_m: MIN_GAP_ERROR_M,
-        jump_m: 0.0,
         twist_rad,
-        twist_limits: constants().twist_limits(),
-        loop_gain: 1.0,
+        found: Box::leak(Box::new(HomingResult { load_n, friction_n, reference_gap_m: point.gap_m, ..HOMED })),
+        rig: Box::leak(Box::new(constants())),
     }
 }

@@ -5,7 +5,7 @@ use rig_control::TICK_S;
 use rig_control::friction_compensation::FrictionCompensation;
 use rig_control::load_motion::LoadMotion;
 use rig_control::load_state::LoadState;
-use rig_control::planner::SetPoint;
+use rig_control::planner::{Motion, SetPoint};
 
 const WAITING: SetPoint = SetPoint { done: false, ..SetPoint::at(0.0) };
 
@@ -20,7 +20,7 @@ fn came_down() -> LoadState<'static> {
 
 /// Twist (rad) that takes the strings' pull from one end of the friction band to the other at a load that does not move.
 fn band_rad(load: &LoadState<'_>) -> f32 {
-    let high = load.mechanism.at(6.0 + load.observation.friction_n, load.twist_rad);
+    let high = load.mechanism.at(6.0 + load.found.friction_n, load.twist_rad);
     (high.gap_m - load.mechanism.at(load.observation.pull_n, load.twist_rad).gap_m) * high.tr_rad_per_m()
 }
 
@@ -115,7 +115,7 @@ fn a_move_that_goes_on_the_same_way_has_nothing_to_take_up() {
 #[test]
 fn a_set_point_that_turns_round_under_way_takes_it_up_the_other_way() {
     let load = hanging(6.0, 0.3, 25.0);
-    let passing = |speed_m_per_s| SetPoint { speed_m_per_s, ..WAITING };
+    let passing = |speed| SetPoint { motion: Motion { speed, ..Motion::at(0.0) }, ..WAITING };
     let mut compensation = FrictionCompensation::default();
     assert_eq!(turned(&mut compensation, 200, &passing(1e-3), false, &load), 0.0);
     let down_rad = turned(&mut compensation, 200, &passing(-1e-3), false, &load);

@@ -21,7 +21,7 @@ fn turned_with_scale(twist_scale: f32, twist_rad: f32, speed_rad_per_s: f32) -> 
         let before = shaft;
         (shaft, at_end) = load.turned(shaft, ZERO_RAD, speed_rad_per_s);
         let change = (shaft.speed - before.speed).abs();
-        assert!(change <= 1.001 * load.twist_limits.acceleration * TICK_S, "{before:?} {shaft:?}");
+        assert!(change <= 1.001 * load.rig.twist_limits().acceleration * TICK_S, "{before:?} {shaft:?}");
         near(shaft.position - before.position, shaft.speed * TICK_S, 1e-4);
     }
     (shaft, at_end)

@@ -15,7 +15,7 @@ fn run(planner: &mut Planner, limits: &Limits) -> (f32, u32) {
     let (mut fastest, mut ticks) = (0f32, 0);
     loop {
         let s = planner.step(limits);
-        fastest = fastest.max(s.speed_m_per_s.abs());
+        fastest = fastest.max(s.motion.speed.abs());
         ticks += 1;
         if s.done || ticks > 100_000 {
             return (fastest, ticks);
@@ -26,9 +26,9 @@ fn run(planner: &mut Planner, limits: &Limits) -> (f32, u32) {
 /// Shortest time (s) from a motion to rest at a target, by an independent planner in f64.
 fn optimum_s(from: &SetPoint, target: f32, limits: &Limits) -> f64 {
     let mut input = InputParameter::<1>::new(None);
-    input.current_position[0] = from.position_m.into();
-    input.current_velocity[0] = from.speed_m_per_s.into();
-    input.current_acceleration[0] = from.acceleration_m_per_s2.into();
+    input.current_position[0] = from.motion.position.into();
+    input.current_velocity[0] = from.motion.speed.into();
+    input.current_acceleration[0] = from.motion.acceleration.into();
     input.target_position[0] = target.into();
     input.max_velocity[0] = limits.speed.into();
     input.max_acceleration[0] = limits.acceleration.into();
@@ -60,7 +60,7 @@ fn a_move_takes_the_shortest_time_that_its_limits_allow() {
         let told_s = limits.duration_from_s(0.0, distance.abs(), distance.abs() / limits.speed, &limits);
         assert!((f64::from(told_s) / optimum - 1.0).abs() < 1e-3, "{distance}");
         assert!(seconds > optimum - 1.5 * TICK && seconds < 1.05 * optimum, "{distance}: {seconds} s of {optimum} s");
-        assert_eq!(p.step(&limits).position_m, distance);
+        assert_eq!(p.step(&limits).motion.position, distance);
         worst = worst.max(seconds / optimum);
     }
     std::println!("worst: {worst:.4} of the optimum");
@@ -85,7 +85,7 @@ fn a_move_that_is_changed_under_way_takes_the_shortest_time_from_there() {
                 "{before}, {target}: {took} s of {optimum} s"
             );
             // What is told takes the acceleration of the moment for none.
-            let within = if from.acceleration_m_per_s2 == 0.0 { 0.05 } else { 0.25 };
+            let within = if from.motion.acceleration == 0.0 { 0.05 } else { 0.25 };
             assert!((f64::from(told) - took).abs() < within, "{before}, {target}: {told} s told, {took} s taken");
         }
     }
@@ -94,7 +94,7 @@ fn a_move_that_is_changed_under_way_takes_the_shortest_time_from_there() {
 #[test]
 fn the_time_from_a_motion_is_the_shortest_whether_or_not_it_passes_the_target() {
     let limits = Limits::new(0.004, 0.02, RISE_S);
-    let from = SetPoint { speed_m_per_s: 0.002, ..SetPoint::at(0.0) };
+    let from = SetPoint { motion: Motion { speed: 0.002, ..Motion::at(0.0) }, ..SetPoint::at(0.0) };
     // It needs 0.2 mm to stop.
     for way in [0.02e-3f32, 0.1e-3, 0.3e-3, 0.6e-3, 1.5e-3, 5e-3, -1e-3] {
         let told = limits.duration_from_s(way.signum() * 0.002, way.abs(), way.abs() / limits.speed, &limits);
@@ -123,9 +123,7 @@ fn a_set_point_that_waits_stands_and_is_not_at_its_target() {
     assert_eq!(p.set_point_m(), 0.5e-3);
     let first = p.step(&Limits::new(0.002, 0.02, RISE_S));
     assert_eq!(p.setting_out(), 0.0, "under way");
-    assert!(
-        first.jerk_m_per_s3 < 0.0 && (first.acceleration_m_per_s2 / TICK_S / first.jerk_m_per_s3 - 1.0).abs() < 1e-6
-    );
+    assert!(first.jerk < 0.0 && (first.motion.acceleration / TICK_S / first.jerk - 1.0).abs() < 1e-6);
 }
 
 #[test]
@@ -142,7 +140,7 @@ fn braking_stops_where_it_says_and_turning_round_works() {
     assert!(ticks < 70 && stop < 0.02 && p.set_point_m() == stop);
     p.target_m = -0.001;
     run(&mut p, &limits);
-    assert_eq!(p.step(&limits).position_m, -0.001);
+    assert_eq!(p.step(&limits).motion.position, -0.001);
 }
 
 #[test]
@@ -161,7 +159,7 @@ fn a_stream_is_followed_within_micrometres_and_a_jump_without_overshoot() {
         };
         let (s, held_back) = p.follow(&target, &limits);
         if t > 1.5 {
-            max = max.max((s.position_m - target.position).abs());
+            max = max.max((s.motion.position - target.position).abs());
             assert!(!held_back);
         }
     }
@@ -170,7 +168,7 @@ fn a_stream_is_followed_within_micrometres_and_a_jump_without_overshoot() {
     let mut p = Planner::at(0.0);
     let ticks = (0..400).take_while(|_| {
         let (s, _) = p.follow(&stands, &limits);
-        assert!(s.position_m < 5e-3 + 20e-6 && s.speed_m_per_s < 0.008 * 1.01, "{s:?}");
+        assert!(s.motion.position < 5e-3 + 20e-6 && s.motion.speed < 0.008 * 1.01, "{s:?}");
         !s.done
     });
     assert!(ticks.count() < 200, "it arrives, and stands");
@@ -194,9 +192,9 @@ fn a_sine_near_the_limits_is_not_exaggerated() {
             acceleration: -omega * omega * sine_m(t),
         };
         let (s, held_back) = p.follow(&target, &limits);
-        assert!(!held_back && s.acceleration_m_per_s2.abs() < 1.001 * limits.acceleration, "{s:?}");
+        assert!(!held_back && s.motion.acceleration.abs() < 1.001 * limits.acceleration, "{s:?}");
         if t > 2.0 {
-            farthest_m = farthest_m.max((s.position_m - sine_m(t)).abs());
+            farthest_m = farthest_m.max((s.motion.position - sine_m(t)).abs());
         }
     }
     assert!(farthest_m < 5e-6, "{farthest_m}");
@@ -211,13 +209,13 @@ fn the_time_to_the_target_is_that_of_the_plan_step_by_step() {
         let load = hanging(5.0, 0.0, from_rad);
         let mut planner = Planner::at(0.0);
         planner.target_m = distance_m;
-        let expected_s = planner.time_to_target_s(asked, &load, &rig);
+        let expected_s = planner.time_to_target_s(asked, &load);
         let (mut twist_rad, mut ticks, mut last_m) = (from_rad, 0u16, 0.0);
         while !planner.is_at_rest() {
             let point = load.mechanism.at(5.0, twist_rad);
             let set_point = planner.step(&Limits::for_motor(asked, &point, 5.0, &rig).0);
-            twist_rad += (set_point.position_m - last_m) * point.tr_rad_per_m();
-            last_m = set_point.position_m;
+            twist_rad += (set_point.motion.position - last_m) * point.tr_rad_per_m();
+            last_m = set_point.motion.position;
             ticks += 1;
         }
         let took_s = f32::from(ticks) * TICK_S;
@@ -239,11 +237,11 @@ proptest! {
             for _ in 0..ticks {
                 target.position += TICK_S * speed_m_per_s;
                 let (s, _) = p.follow(&target, &limits);
-                prop_assert!(s.speed_m_per_s.abs() <= 1.05 * speed, "{s:?}");
-                let rise = (s.speed_m_per_s - last_speed) / TICK_S;
-                prop_assert!(s.acceleration_m_per_s2.abs() <= limits.acceleration * 1.001);
+                prop_assert!(s.motion.speed.abs() <= 1.05 * speed, "{s:?}");
+                let rise = (s.motion.speed - last_speed) / TICK_S;
+                prop_assert!(s.motion.acceleration.abs() <= limits.acceleration * 1.001);
                 prop_assert!(s.done || (rise - last_rise).abs() <= 2.0 * limits.jerk * TICK_S * 1.05 + 4e-3);
-                (last_speed, last_rise) = (s.speed_m_per_s, if s.done { 0.0 } else { rise });
+                (last_speed, last_rise) = (s.motion.speed, if s.done { 0.0 } else { rise });
             }
         }
     }
@@ -263,12 +261,12 @@ proptest! {
             p.target_m = target;
             for _ in 0..ticks {
                 let s = p.step(&limits);
-                prop_assert!(s.speed_m_per_s.abs() <= speed * 1.001 + 1e-6);
-                let rise = (s.speed_m_per_s - last.speed_m_per_s) / TICK_S;
+                prop_assert!(s.motion.speed.abs() <= speed * 1.001 + 1e-6);
+                let rise = (s.motion.speed - last.motion.speed) / TICK_S;
                 prop_assert!(rise.abs() <= acceleration * 1.01 + 2e-4, "{rise}");
                 // Twice what the jerk allows in a tick, half as much again where it has just arrived and sets out again.
                 prop_assert!((rise - last_rise).abs() <= 2.5 * limits.jerk * TICK_S * 1.05 + 4e-4);
-                prop_assert!((s.position_m - last.position_m).abs() <= speed * TICK_S * 1.01 + 1e-7);
+                prop_assert!((s.motion.position - last.motion.position).abs() <= speed * TICK_S * 1.01 + 1e-7);
                 (last, last_rise) = (s, rise);
             }
         }
@@ -288,8 +286,8 @@ proptest! {
         let soon = (0.006 / 0.02 + RISE_S) / TICK_S;
         for tick in 0..4000 {
             let s = p.step(&after);
-            prop_assert!(tick < soon as u32 || s.speed_m_per_s <= after.speed * 1.001);
-            prop_assert!(s.position_m <= 0.02 + 1e-6);
+            prop_assert!(tick < soon as u32 || s.motion.speed <= after.speed * 1.001);
+            prop_assert!(s.motion.position <= 0.02 + 1e-6);
         }
         prop_assert_eq!(p.set_point_m(), 0.02);
     }

@@ -1,12 +1,13 @@
 //! One tick of the position loop, from its equations (docs/explanation/control.md 3).
 
 use crate::fixture::hanging;
-use rig_control::TICK_S;
 use rig_control::load_motion::AHEAD_S;
 use rig_control::load_state::LoadState;
-use rig_control::planner::SetPoint;
+use rig_control::planner::{Motion, SetPoint};
 use rig_control::position_loop::{FULL_PER_S, GAINS, LoopOutput, PositionLoop, damping_fraction};
 use rig_control::ramp::Ramp;
+use rig_control::{RigConstants, TICK_S};
+use rig_link::messages::HomingResult;
 
 /// A load of 6 N without friction in the middle of its travel: it oscillates at some 30 rad/s.
 fn load() -> LoadState<'static> {
@@ -14,7 +15,12 @@ fn load() -> LoadState<'static> {
 }
 
 /// On its way, so that the load is not taken for one at its target.
-const PASSING: SetPoint = SetPoint { done: false, ..SetPoint::at(0.0) };
+const PASSING: SetPoint = passing(0.0);
+
+/// The same at a position (m).
+const fn passing(position_m: f32) -> SetPoint {
+    SetPoint { done: false, ..SetPoint::at(position_m) }
+}
 
 fn step(set_point: &SetPoint, load: &LoadState<'_>) -> LoopOutput {
     PositionLoop::default().step(set_point, false, load)
@@ -38,16 +44,13 @@ fn a_load_on_its_path_is_led_by_feed_forward_alone() {
     // Where the load will be when the command acts: on the path, with its speed.
     let mut moving = load;
     moving.motion.speed_m_per_s = -speed;
-    let set_point = SetPoint { position_m: -AHEAD_S * speed, speed_m_per_s: speed, jerk_m_per_s3: jerk, ..PASSING };
+    let set_point = SetPoint { motion: Motion { speed, ..Motion::at(-AHEAD_S * speed) }, jerk, ..PASSING };
     let found = load_speed(&set_point, &moving);
     assert!(same(found, speed + jerk / omega2), "{found}");
     // An acceleration of the path is a place of rest ahead of it.
     let acceleration = 0.05;
-    let ahead = SetPoint {
-        position_m: -0.5 * AHEAD_S * AHEAD_S * acceleration,
-        acceleration_m_per_s2: acceleration,
-        ..PASSING
-    };
+    let motion = Motion { acceleration, ..Motion::at(-0.5 * AHEAD_S * AHEAD_S * acceleration) };
+    let ahead = SetPoint { motion, ..PASSING };
     let mut rising = load;
     rising.motion.speed_m_per_s = -AHEAD_S * acceleration;
     let [by_position, _, by_rest] = GAINS;
@@ -66,12 +69,13 @@ fn a_place_of_rest_that_is_off_is_brought_back_by_the_gains() {
     let [by_position, _, by_rest] = GAINS;
     for error_m in [0.1e-3f32, -0.2e-3] {
         // Load and place of rest are both below (or above) the set-point.
-        let found = load_speed(&SetPoint { position_m: error_m, ..PASSING }, &load);
+        let found = load_speed(&passing(error_m), &load);
         let expected = omega.min(FULL_PER_S) * (by_position + by_rest) * error_m;
         assert!(same(found, expected), "{found} instead of {expected}");
-        assert!(same(step(&SetPoint { position_m: error_m, ..PASSING }, &load).rest_error_m, error_m));
-        let half = LoadState { loop_gain: 0.5, ..load };
-        assert!(same(load_speed(&SetPoint { position_m: error_m, ..PASSING }, &half), 0.5 * expected));
+        assert!(same(step(&passing(error_m), &load).rest_error_m, error_m));
+        let rig = RigConstants { loop_gain: 0.5, ..*load.rig };
+        let half = LoadState { rig: &rig, ..load };
+        assert!(same(load_speed(&passing(error_m), &half), 0.5 * expected));
     }
 }
 
@@ -97,7 +101,7 @@ fn a_swing_is_damped_against_its_speed_and_with_the_distance_from_its_middle() {
 #[test]
 fn damping_leaves_a_part_of_the_speed_for_the_way_back() {
     let mut fallen = load();
-    let fastest = fallen.twist_limits.speed / fallen.observation.point.tr_rad_per_m();
+    let fastest = fallen.rig.twist_limits().speed / fallen.observation.point.tr_rad_per_m();
     fallen.motion.gap_m += 10e-3;
     let found = load_speed(&PASSING, &fallen);
     assert!(same(found, -0.8 * fastest), "{found} of {fastest}");
@@ -139,12 +143,12 @@ fn a_load_that_stands_beside_its_target_is_approached_at_twice_its_error_per_sec
 fn strings_turn_no_further_against_a_jammed_load_but_back() {
     let mut jammed = load();
     let mut control = PositionLoop::default();
-    let up = SetPoint { position_m: 1e-3, ..PASSING };
+    let up = passing(1e-3);
     assert!(control.step(&up, false, &jammed).twist_speed_rad_per_s > 0.0);
     // 0.5 N and 0.3 of 6 N more than it weighs.
     jammed.observation.pull_n = 6.0 + 2.4;
     assert_eq!(control.step(&up, false, &jammed).twist_speed_rad_per_s, 0.0);
-    let down = SetPoint { position_m: -1e-3, ..PASSING };
+    let down = passing(-1e-3);
     assert!(control.step(&down, false, &jammed).twist_speed_rad_per_s < 0.0);
     jammed.observation.pull_n = 6.0 + 2.2;
     assert!(control.step(&up, false, &jammed).twist_speed_rad_per_s > 0.0);
@@ -161,7 +165,7 @@ fn strings_turn_no_further_against_a_jammed_load_but_back() {
     let mut lighter = load();
     lighter.motion.weight_n = 3.0;
     lighter.observation.pull_n = 3.0;
-    lighter.position_m = down.position_m;
+    lighter.position_m = down.motion.position;
     assert!(control.step(&down, false, &lighter).twist_speed_rad_per_s != 0.0);
 }
 
@@ -179,7 +183,7 @@ fn a_load_that_has_left_a_standing_set_point_is_not_jammed_until_the_set_point_m
         assert!(control.step(&stands, false, &load).twist_speed_rad_per_s > 0.0, "{weight_n} N");
     }
     // From now on it may have jammed, also once the set-point stands again.
-    let moves = SetPoint { position_m: 1e-3, ..PASSING };
+    let moves = passing(1e-3);
     for (pull_n, set_point) in [(20.0, moves), (20.0, SetPoint::at(1e-3))] {
         (load.motion.weight_n, load.observation.pull_n) = (pull_n, pull_n);
         assert_eq!(control.step(&set_point, false, &load).twist_speed_rad_per_s, 0.0);
@@ -192,7 +196,7 @@ fn the_shaft_turns_as_the_motor_can_and_as_far_as_the_strings_go() {
     let m = load.mechanism.table.metadata;
     let at = |twist_rad: f32, speed| Ramp { position: zero_rad + twist_rad, speed };
     // From rest no faster than its acceleration allows, and then no faster than its speed.
-    let limits = load.twist_limits;
+    let limits = load.rig.twist_limits();
     let (first, at_end) = load.turned(at(20.0, 0.0), zero_rad, 1e3);
     assert_eq!((first.speed, at_end), (limits.acceleration * TICK_S, false));
     assert!((first.position - zero_rad - 20.0 - first.speed * TICK_S).abs() < 1e-5);
@@ -207,19 +211,20 @@ fn the_shaft_turns_as_the_motor_can_and_as_far_as_the_strings_go() {
 
 #[test]
 fn a_load_that_is_left_alone_leaves_nothing_of_what_was_turned_for_it() {
-    let mut load = hanging(10.0, 2.0, 25.0);
-    load.jump_m = 10.4 * load.gap_noise_m;
+    let plain = hanging(10.0, 2.0, 25.0);
+    let found = HomingResult { jump_m: 10.4 * plain.found.gap_noise_m, ..*plain.found };
+    let mut load = LoadState { found: &found, ..plain };
     let mut position_loop = PositionLoop::default();
     // It is approached, until it has crept near enough to be left alone.
     for noises in [6.0, 4.0] {
-        load.position_m = noises * load.gap_noise_m;
+        load.position_m = noises * found.gap_noise_m;
         for _ in 0..9 {
             position_loop.step(&SetPoint::at(0.0), false, &load);
         }
     }
     let first_tick = |mut position_loop: PositionLoop| {
         position_loop.compensation.set_out(-1.0);
-        let moves = SetPoint { done: false, ..SetPoint::at(0.0) };
+        let moves = PASSING;
         position_loop.step(&moves, true, &load).twist_speed_rad_per_s
     };
     assert_eq!(first_tick(position_loop), first_tick(PositionLoop::default()));

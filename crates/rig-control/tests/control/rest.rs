@@ -1,10 +1,14 @@
 //! A load at its target: when it stands, what stiction leaves, and how its jumps are learned
 //! (docs/explanation/control.md 4).
 
-use crate::fixture::hanging;
+use crate::fixture::{HOMED, hanging};
 use rig_control::homing::NINETY_PERCENT;
 use rig_control::load_state::LoadState;
 use rig_control::rest::{Rest, Standing};
+use rig_link::messages::HomingResult;
+
+/// Neither noise nor jumps at homing.
+const SILENT: HomingResult = HomingResult { gap_noise_m: 0.0, ..HOMED };
 
 /// 10 N with 2 N of friction: a jump as long as friction over stiffness is some millimetres.
 fn load() -> LoadState<'static> {
@@ -38,9 +42,10 @@ fn a_load_stands_once_it_has_not_left_its_place() {
 
 #[test]
 fn noise_of_the_gap_widens_what_is_left_alone() {
-    let mut load = load();
+    let load = load();
     for noise_m in [5e-6, 20e-6] {
-        load.gap_noise_m = noise_m;
+        let found = HomingResult { gap_noise_m: noise_m, ..*load.found };
+        let load = LoadState { found: &found, ..load };
         let least_m = NINETY_PERCENT * noise_m;
         assert_eq!(at(&mut Rest::default(), 0.98 * least_m, 20, &load), Standing::LeftAlone);
         assert!(matches!(at(&mut Rest::default(), 1.02 * least_m, 20, &load), Standing::Beside(_)));
@@ -49,8 +54,8 @@ fn noise_of_the_gap_widens_what_is_left_alone() {
 
 #[test]
 fn half_of_a_jump_that_homing_saw_is_left_alone() {
-    let mut load = load();
-    load.jump_m = 0.4e-3;
+    let found = HomingResult { jump_m: 0.4e-3, ..*load().found };
+    let load = LoadState { found: &found, ..load() };
     assert_eq!(at(&mut Rest::default(), 0.19e-3, 20, &load), Standing::LeftAlone);
     assert!(matches!(at(&mut Rest::default(), 0.21e-3, 20, &load), Standing::Beside(_)));
     assert_eq!(at(&mut Rest::default(), -0.19e-3, 20, &load), Standing::LeftAlone);
@@ -58,8 +63,8 @@ fn half_of_a_jump_that_homing_saw_is_left_alone() {
 
 #[test]
 fn what_is_left_alone_is_taken_care_of_when_it_has_crept_away() {
-    let mut load = load();
-    load.jump_m = 0.4e-3;
+    let found = HomingResult { jump_m: 0.4e-3, ..*load().found };
+    let load = LoadState { found: &found, ..load() };
     let mut rest = Rest::default();
     assert_eq!(at(&mut rest, 0.18e-3, 40, &load), Standing::LeftAlone);
     // Slower than what counts as motion.
@@ -77,10 +82,10 @@ fn a_way_past_the_target_is_a_jump_whatever_the_strings_have_turned_and_a_way_sh
         let mut load = load();
         let mut rest = Rest::default();
         jumps(&mut rest, &[0.3e-3, 0.2e-3], &load);
-        assert_eq!(rest.left_alone_m(0.0, 0.0), 0.0);
+        assert_eq!(rest.left_alone_m(&SILENT), 0.0);
         load.twist_rad += turned_m * load.observation.point.tr_rad_per_m();
         at(&mut rest, -0.1e-3, 40, &load);
-        assert!((rest.left_alone_m(0.0, 0.0) / (0.5 * 0.3e-3) - 1.0).abs() < 1e-3, "{}", rest.left_alone_m(0.0, 0.0));
+        assert!((rest.left_alone_m(&SILENT) / (0.5 * 0.3e-3) - 1.0).abs() < 1e-3, "{}", rest.left_alone_m(&SILENT));
     }
 }
 
@@ -94,8 +99,8 @@ fn a_load_that_jumps_past_its_target_ends_on_the_nearer_side() {
 
 #[test]
 fn a_load_that_moves_within_what_is_left_alone_stays_left_alone() {
-    let mut load = load();
-    load.jump_m = 0.4e-3;
+    let found = HomingResult { jump_m: 0.4e-3, ..*load().found };
+    let load = LoadState { found: &found, ..load() };
     let mut rest = Rest::default();
     assert_eq!(at(&mut rest, 0.19e-3, 40, &load), Standing::LeftAlone);
     assert_eq!(at(&mut rest, -0.19e-3, 1, &load), Standing::LeftAlone);
@@ -116,7 +121,7 @@ fn a_load_that_has_been_brought_to_its_target_between_its_ways_does_not_go_back_
         load.twist_rad += 2.0 * error_m * load.observation.point.tr_rad_per_m();
         at(&mut rest, 0.0, 40, &load);
     }
-    assert!(rest.left_alone_m(0.0, 0.0) < NINETY_PERCENT * load.gap_noise_m, "{}", rest.left_alone_m(0.0, 0.0));
+    assert!(rest.left_alone_m(&SILENT) < NINETY_PERCENT * load.found.gap_noise_m, "{}", rest.left_alone_m(&SILENT));
 }
 
 #[test]
@@ -125,9 +130,9 @@ fn a_way_to_another_target_is_no_jump_and_another_target_has_jumps_of_its_own() 
     let mut rest = Rest::default();
     for errors_m in [[0.3e-3, -0.1e-3], [-0.2e-3, 0.1e-3]] {
         jumps(&mut rest, &errors_m, &load);
-        assert!(rest.left_alone_m(0.0, 0.0) > 0.1e-3);
+        assert!(rest.left_alone_m(&SILENT) > 0.1e-3);
         rest.step(false, 0.0, &load);
-        assert_eq!(rest.left_alone_m(0.0, 0.0), 0.0);
+        assert_eq!(rest.left_alone_m(&SILENT), 0.0);
     }
 }
 
@@ -137,5 +142,5 @@ fn a_way_that_friction_does_not_explain_is_no_jump() {
     let load = hanging(10.0, 0.01, 25.0);
     let mut rest = Rest::default();
     jumps(&mut rest, &[0.5e-3, -0.1e-3], &load);
-    assert_eq!(rest.left_alone_m(0.0, 0.0), 0.0);
+    assert_eq!(rest.left_alone_m(&SILENT), 0.0);
 }

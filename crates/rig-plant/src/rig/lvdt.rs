@@ -16,8 +16,8 @@ const FAULT_NOISE_M: f64 = 2e-3;
 
 /// Correlation time of the noise inside the band, s: five times a block of 6 ms.
 const DRIFT_S: f64 = 0.03;
-/// Bandwidth of the sensor (first order, -3 dB), Hz. Assumed: DC types have 100 to 500 Hz (docs/reference/hardware.md 2.2).
-const BANDWIDTH_HZ: f64 = 200.0;
+/// Bandwidth of the sensor (first order, -3 dB), rad/s. Assumed: DC types have 100 to 500 Hz (docs/reference/hardware.md 2.2).
+const BANDWIDTH_RAD_PER_S: f64 = TAU * 200.0;
 /// Frequency of the mains, whose hum the long leads pick up (Hz).
 const MAINS_HZ: f64 = 50.0;
 
@@ -43,14 +43,13 @@ pub struct Lvdt {
     volts: [f64; 2],
     gap_at_zero_m: f64,
     reference_v: f64,
-    rate_per_s: f64,
     gain: f64,
     filtered_m: f64,
     /// What the converter shows without noise, and its noise, as fractions of its range.
     shown: f64,
     noise: f64,
-    drift: Drift,
-    drift_m: f64,
+    /// Noise inside the band, for a size of 1.
+    drift: f64,
     drift_noise: Pcg64Mcg,
     /// Phase of the curve over the stroke, rad.
     curve_phase_rad: f64,
@@ -65,15 +64,13 @@ impl Lvdt {
         let mut drift_noise = Pcg64Mcg::seed_from_u64(seed);
         let curve_phase_rad = TAU * f64::from(drift_noise.next_u32()) / f64::from(u32::MAX);
         let mut lvdt = Self {
-            drift: Drift::default(),
-            drift_m: 0.0,
+            drift: 0.0,
             drift_noise,
             curve_phase_rad,
             stroke_m: parameters.lvdt_stroke_m,
             volts: [parameters.lvdt_volts_at_zero, parameters.lvdt_volts_at_stroke],
             gap_at_zero_m: parameters.lvdt_gap_at_zero_m,
             reference_v: parameters.adc_reference_v,
-            rate_per_s: TAU * BANDWIDTH_HZ,
             gain: 1.0 + settings.lvdt_gain_error,
             filtered_m: gap_m,
             shown: 0.0,
@@ -87,11 +84,9 @@ impl Lvdt {
 
     /// One step of `h` seconds to `t_s`; exact for a gap that stays where it is.
     pub fn step(&mut self, h: f64, t_s: f64, gap_m: f64, settings: &PlantSettings) {
-        self.filtered_m += (gap_m - self.filtered_m) * -(-h * self.rate_per_s).exp_m1();
+        self.filtered_m += (gap_m - self.filtered_m) * -(-h * BANDWIDTH_RAD_PER_S).exp_m1();
         if settings.lvdt_noise_inband_m > 0.0 {
-            self.drift_m = self.drift.step(h, settings.lvdt_noise_inband_m, &mut self.drift_noise);
-        } else {
-            self.drift_m = 0.0;
+            self.drift = drifted(self.drift, h, &mut self.drift_noise);
         }
         self.show(t_s, settings);
     }
@@ -100,7 +95,8 @@ impl Lvdt {
     /// converter's error, which goes once up and down over its range (`adc_inl` codes at a quarter and at three quarters).
     fn show(&mut self, t_s: f64, settings: &PlantSettings) {
         let hum_m = settings.hum_m * (TAU * MAINS_HZ * t_s).sin();
-        let errors_m = settings.lvdt_offset_m + hum_m + self.curve_m(self.filtered_m, settings) + self.drift_m;
+        let drift_m = settings.lvdt_noise_inband_m * self.drift;
+        let errors_m = settings.lvdt_offset_m + hum_m + self.curve_m(self.filtered_m, settings) + drift_m;
         let gain = self.gain * (1.0 + LVDT_GAIN_PER_K * settings.temperature_k) / self.stroke_m;
         let fraction = (self.filtered_m + errors_m - self.gap_at_zero_m) * gain;
         let fraction = if self.faults.reversed { 1.0 - fraction } else { fraction };
@@ -146,21 +142,12 @@ pub fn volts_to_code(volts: f64, reference_v: f64) -> u16 {
     (volts / reference_v * CODES).clamp(0.0, 4095.0) as u16
 }
 
-/// Noise of the LVDT inside its band: it wanders slower than a block of samples, so that averaging leaves it. A first-order
-/// random signal (Ornstein–Uhlenbeck).
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Drift {
-    normal: f64,
-}
-
-impl Drift {
-    /// One step of `h` seconds; returns the signal for a size of `rms`. Draws one number, whatever the size.
-    pub fn step(&mut self, h: f64, rms: f64, noise: &mut Pcg64Mcg) -> f64 {
-        let keep = (-h / DRIFT_S).exp();
-        let normal: f64 = StandardNormal.sample(noise);
-        self.normal = keep * self.normal + (1.0 - keep * keep).sqrt() * normal;
-        rms * self.normal
-    }
+/// Noise of the LVDT inside its band, `h` seconds later: it wanders slower than a block of samples, so that averaging leaves it. A
+/// first-order random signal (Ornstein–Uhlenbeck) with an rms of 1.
+fn drifted(drift: f64, h: f64, noise: &mut Pcg64Mcg) -> f64 {
+    let keep = (-h / DRIFT_S).exp();
+    let normal: f64 = StandardNormal.sample(noise);
+    keep * drift + (1.0 - keep * keep).sqrt() * normal
 }
 
 #[cfg(test)]
@@ -239,8 +226,10 @@ mod tests {
         assert!((code - wanted).abs() <= 0.501, "{code} and {wanted}");
         let noisy = PlantSettings { lvdt_noise_m: 0.0, lvdt_noise_inband_m: 1e-3, ..PlantSettings::default() };
         let (mut lvdt, _) = self::lvdt(&noisy);
+        let before = lvdt.shown;
         lvdt.step(2.5e-4, 0.0, 0.1, &noisy);
-        assert!(lvdt.drift_m != 0.0 && lvdt.drift_m == 1e-3 * lvdt.drift.normal, "{}", lvdt.drift_m);
+        let wanted = 1e-3 * lvdt.drift / 0.2 * 3.0 / 3.3;
+        assert!(wanted != 0.0 && (lvdt.shown - before - wanted).abs() < 1e-12, "{} and {wanted}", lvdt.shown - before);
     }
 
     #[test]
@@ -272,12 +261,14 @@ mod tests {
 
     #[test]
     fn it_has_its_size_after_averaging_a_block_and_its_time() {
-        let (mut drift, mut noise) = (Drift::default(), Pcg64Mcg::seed_from_u64(1));
-        let h = 2.5e-4;
-        let blocks: Vec<f64> =
-            (0..60_000).map(|_| (0..24).map(|_| drift.step(h, 20e-6, &mut noise)).sum::<f64>() / 24.0).collect();
+        let (mut drift, mut noise) = (0.0, Pcg64Mcg::seed_from_u64(1));
+        let mut step = || {
+            drift = drifted(drift, 2.5e-4, &mut noise);
+            drift
+        };
+        let blocks: Vec<f64> = (0..60_000).map(|_| (0..24).map(|_| step()).sum::<f64>() / 24.0).collect();
         let rms = (blocks.iter().map(|b| b * b).sum::<f64>() / blocks.len() as f64).sqrt();
-        assert!((rms / 20e-6 - 0.97).abs() < 0.02, "{rms}");
+        assert!((rms - 0.97).abs() < 0.02, "{rms}");
         // Five blocks later the correlation is e^-1.
         let correlation = blocks.windows(6).map(|w| w[0] * w[5]).sum::<f64>() / blocks.len() as f64 / (rms * rms);
         assert!((correlation - (-1f64).exp()).abs() < 0.05, "{correlation}");

@@ -63,15 +63,15 @@ pub fn run(global: &Global, options: &Move, output: &mut Output) -> Result<(), F
         let s = planner.step(&limits);
         if tick.is_multiple_of(EVERY) || s.done {
             let turns = (twist - PI) / std::f32::consts::TAU;
-            let rpm = tr * s.speed_m_per_s * rig.gear_ratio * 60.0 / std::f32::consts::TAU;
+            let rpm = tr * s.motion.speed * rig.gear_ratio * 60.0 / std::f32::consts::TAU;
             let t_s = tick as f32 * TICK_S;
-            output.object(&json!({"t_s": t_s, "setpoint_m": s.position_m, "speed_m_per_s": s.speed_m_per_s,
+            output.object(&json!({"t_s": t_s, "setpoint_m": s.motion.position, "speed_m_per_s": s.motion.speed,
                 "turns": turns, "motor_rpm": rpm, "tr_rad_per_m": tr, "limit": limit.map(|l| l.name())}))?;
             output.line(format!(
                 "{:>7}   {:>12}   {:>10}   {:>6}   {:>9}   {:>9}",
                 S.number(t_s, 0.1),
-                MM.number(s.position_m, 1e-5),
-                MM_PER_S.number(s.speed_m_per_s, 1e-5),
+                MM.number(s.motion.position, 1e-5),
+                MM_PER_S.number(s.motion.speed, 1e-5),
                 TURNS.number(turns, 0.01),
                 NUMBER.number(rpm, 10.0),
                 RAD_PER_MM.number(tr, 10.0)

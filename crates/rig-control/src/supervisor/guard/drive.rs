@@ -81,7 +81,7 @@ impl DriveChecks {
             found.insert(Fault::DriveSilent);
             return found;
         }
-        let counts_per_s = f32::from(speed_rpm) / 60.0 * TAU / constants.gear_ratio * constants.counts_per_rad.abs();
+        let counts_per_s = constants.counts_per_s(f32::from(speed_rpm) / 60.0 * TAU);
         let age_s = seconds(inputs.now_us.saturating_sub(t_us));
         let drive_counts = i64::from(position_qc) + whole_counts(counts_per_s * age_s);
         // Before the directions are proven the two may count as they like; the proof compares them.

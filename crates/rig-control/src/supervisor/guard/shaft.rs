@@ -87,11 +87,9 @@ impl ShaftChecks {
 
     /// Watches whether the shaft stands, by the own encoder and, where the drive reports, by the drive as well.
     pub(super) fn watch_standing(&mut self, rig: &Controller, inputs: &Inputs, tick_s: f32) {
-        let constants = &rig.constants;
         let own = inputs.encoder_counts;
         self.moved_counts = self.last_counts.replace(own).map_or(0, |last| own - last);
-        let standing_rad_per_s = f32::from(STANDING_RPM) / 60.0 * TAU / constants.gear_ratio;
-        let standing_counts_per_s = standing_rad_per_s * constants.counts_per_rad.abs();
+        let standing_counts_per_s = rig.constants.counts_per_s(f32::from(STANDING_RPM) / 60.0 * TAU);
         let own_turns = self.moved_counts.abs() > whole_counts(standing_counts_per_s * tick_s);
         let drive_turns = matches!(inputs.drive,
             DriveReading::Reports { speed_rpm, t_us, .. }

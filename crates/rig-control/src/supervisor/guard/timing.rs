@@ -10,22 +10,16 @@ pub(super) const LATE_US: u64 = TICK_US + TICK_US / 2;
 const LATE_COST: u16 = 25;
 
 /// When ticks came.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(in crate::supervisor) struct TickTiming {
     /// Time between this tick and the one before (µs).
     apart_us: u64,
     last_tick_us: Option<u64>,
-    /// Time since the newest late tick (µs).
-    since_late_us: u64,
+    /// Time since the newest late tick (µs), if one was late.
+    since_late_us: Option<u64>,
     late_cost: u16,
     /// Since boot.
     pub(in crate::supervisor) late_ticks: u32,
-}
-
-impl Default for TickTiming {
-    fn default() -> Self {
-        Self { apart_us: TICK_US, last_tick_us: None, since_late_us: u64::MAX, late_cost: 0, late_ticks: 0 }
-    }
 }
 
 impl TickTiming {
@@ -37,9 +31,9 @@ impl TickTiming {
     /// One tick; whether ticks come so late that it is a fault.
     pub(super) fn step(&mut self, now_us: u64) -> bool {
         self.apart_us = self.last_tick_us.replace(now_us).map_or(TICK_US, |last| now_us.saturating_sub(last));
-        self.since_late_us = self.since_late_us.saturating_add(self.apart_us);
+        self.since_late_us = self.since_late_us.map(|us| us.saturating_add(self.apart_us));
         if self.apart_us > LATE_US {
-            self.since_late_us = 0;
+            self.since_late_us = Some(0);
             self.late_ticks = self.late_ticks.saturating_add(1);
             self.late_cost = self.late_cost.saturating_add(LATE_COST);
         } else {
@@ -60,7 +54,7 @@ impl TickTiming {
 
     /// Whether ticks were missing so lately that drive and sensors may not have been heard since.
     pub(super) fn ticks_missed_lately(&self) -> bool {
-        self.since_late_us <= OLD_US
+        self.since_late_us.is_some_and(|us| us <= OLD_US)
     }
 }
 

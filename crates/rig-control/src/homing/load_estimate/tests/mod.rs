@@ -51,7 +51,7 @@ impl Swept {
                     ENDS_RAD[0] + fraction * (ENDS_RAD[1] - ENDS_RAD[0]) + if pass == 1 { DOWN_RAD } else { 0.0 };
                 let gap_m = self.gap_m(self.load_n + direction * self.friction_n, twist_rad);
                 if fraction < until {
-                    load_estimate.record(fraction, twist_rad, gap_m);
+                    load_estimate.sweeps.record(fraction, twist_rad, gap_m);
                 }
             }
             assert_eq!((load_estimate.sweeps.pass, load_estimate.sweeps.end_pass()), (pass, pass == 1));
@@ -94,11 +94,11 @@ fn the_curve_goes_through_a_cubic_rest_and_carries_the_offset() {
 fn readings_go_where_their_share_of_the_sweep_says() {
     let mut load_estimate = LoadEstimate::new(1.0, LoadChoice::Auto, 0.0);
     for fraction in [-0.01, 1.01, f32::NAN] {
-        load_estimate.record(fraction, 1.0, 1.0);
+        load_estimate.sweeps.record(fraction, 1.0, 1.0);
     }
     for (fraction, place) in [(0.0, 0), (0.99 / 32.0, 0), (1.0 / 32.0, 1), (0.5, 16), (0.999, 31), (1.0, 31)] {
         let before = load_estimate.sweeps.bins[0][place].count;
-        load_estimate.record(fraction, 2.0, 0.1);
+        load_estimate.sweeps.record(fraction, 2.0, 0.1);
         assert_eq!(load_estimate.sweeps.bins[0][place].count, before + 1, "{fraction}");
     }
     assert_eq!(load_estimate.sweeps.bins[0].iter().map(|bin| bin.count).sum::<u16>(), 6);
@@ -110,9 +110,9 @@ fn readings_go_where_their_share_of_the_sweep_says() {
 #[test]
 fn both_ways_of_a_bin_count_the_same_however_many_readings_they_have() {
     let mut load_estimate = LoadEstimate::new(1.0, LoadChoice::Auto, 0.0);
-    (0..3).for_each(|_| load_estimate.record(0.5, 10.0, 0.09));
+    (0..3).for_each(|_| load_estimate.sweeps.record(0.5, 10.0, 0.09));
     load_estimate.sweeps.end_pass();
-    load_estimate.record(0.5, 12.0, 0.08);
+    load_estimate.sweeps.record(0.5, 12.0, 0.08);
     let pair = load_estimate.pair(16).expect("both ways");
     near(pair.twist_rad, 11.0, 1e-6);
     near(pair.gap_m, 0.085, 1e-6);
