@@ -24,11 +24,15 @@ impl LoadChecks {
         let behind_m =
             controlled.map_or(0.0, |(control, tracking)| control.planner.set_point_m() - tracking.position_m);
         let off = !at_end && behind_m.abs() > FOLLOW_M;
-        // A load that has changed swings, then it comes back as fast as the motor can; one that is jammed does neither.
-        let comes = rig.tracking.as_ref().is_some_and(|tracking| {
-            let rises = tracking.observer.direction;
-            tracking.observation.is_some_and(|o| o.moved_m > 0.0 && (o.changing || rises * behind_m > 0.0))
-        });
+        // A load that has changed swings, then it comes back as fast as the motor can; meanwhile the strings may have to take up
+        // friction, of which stiction is one and a half times as much. One that is jammed does none of that.
+        let comes = rig.tracking.as_ref().zip(rig.tracking.and_then(|tracking| tracking.observation)).is_some_and(
+            |(tracking, o)| {
+                let moves = o.moved_m > 0.0 && (o.changing || tracking.observer.direction * behind_m > 0.0);
+                let beyond_n = (o.pull_n - tracking.observer.load_n()).abs() - 1.5 * tracking.homed.found.friction_n;
+                moves || beyond_n < 0.0
+            },
+        );
         let lags = lasts(&mut self.follow_ticks, off && !comes, SHORT_TICKS);
         // A load that has changed must be known and brought back.
         lasts(&mut self.changed_ticks, off, LONG_TICKS) || lags
