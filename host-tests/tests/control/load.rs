@@ -350,3 +350,18 @@ fn a_heavy_load_of_which_half_is_taken_off_comes_back_without_a_fault() {
         assert!(d.control.state() == State::Holding && error_m.abs() < 0.3e-3, "seed {seed}: {:?}", d.control.fault());
     }
 }
+
+/// A light load sticks: the strings take up a friction of half its weight while it is away from its set-point.
+#[test]
+fn a_light_load_that_becomes_lighter_and_sticks_is_no_fault() {
+    for seed in [1, 30, 37, 42] {
+        let rig = Subject::new(RigPreset::Hard, seed).switched_on(0.2 * STANDARD_GRAVITY).expect("a rig");
+        let mut d = ControlBench::on(rig, host_tests::booted());
+        d.home().unwrap();
+        d.tick(Some(super::go(0.006, 0.02)));
+        d.run(6.0);
+        d.rig.set_plant("load", "0.1kg").unwrap();
+        d.run(6.0);
+        assert_eq!(d.control.state(), State::Holding, "seed {seed}: {:?}", d.control.fault());
+    }
+}

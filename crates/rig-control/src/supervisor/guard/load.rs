@@ -1,5 +1,6 @@
 //! The load: whether it follows its set-point, and whether the table covers it.
 
+use super::super::tracking::LoadTracking;
 use super::super::{Controller, lasts};
 use super::{LONG_TICKS, SHORT_TICKS};
 use rig_link::messages::{Limit, State};
@@ -26,11 +27,10 @@ impl LoadChecks {
         let off = !at_end && behind_m.abs() > FOLLOW_M;
         // A load that has changed swings, then it comes back as fast as the motor can; meanwhile the strings may have to take up
         // friction, of which stiction is one and a half times as much. One that is jammed does none of that.
-        let comes = rig.tracking.as_ref().zip(rig.tracking.and_then(|tracking| tracking.observation)).is_some_and(
-            |(tracking, o)| {
-                let moves = o.moved_m > 0.0 && (o.changing || tracking.observer.direction * behind_m > 0.0);
-                let beyond_n = (o.pull_n - tracking.observer.load_n()).abs() - 1.5 * tracking.homed.found.friction_n;
-                moves || beyond_n < 0.0
+        let comes = rig.tracking.as_ref().and_then(|tracking| Some((tracking, tracking.observation?))).is_some_and(
+            |(LoadTracking { observer, homed, .. }, o)| {
+                let moves = o.moved_m > 0.0 && (o.changing || observer.direction * behind_m > 0.0);
+                moves || (o.pull_n - observer.load_n()).abs() < 1.5 * homed.found.friction_n
             },
         );
         let lags = lasts(&mut self.follow_ticks, off && !comes, SHORT_TICKS);
