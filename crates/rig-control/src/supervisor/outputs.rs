@@ -17,6 +17,9 @@ const STARTING_CURRENT: f32 = 0.25;
 impl Controller {
     pub(super) fn drive_command(&mut self, inputs: &Inputs) -> DriveCommand {
         let restart = core::mem::take(&mut self.restart_drive);
+        if restart {
+            self.speed_lately = 0.0;
+        }
         match (&self.mode, self.guard.latched.response()) {
             // A Reset when the contact opens, again while it is open, and once more when it closes: a motor that is
             // connected again must find no old target.

@@ -273,6 +273,35 @@ fn a_shaft_that_does_not_follow_is_a_fault_after_three_tenths_of_a_second() {
     assert!(matches!(bench.command, DriveCommand::Follow { .. }) && bench.rig.faults().iter().count() == 1);
 }
 
+/// A shaft that is behind a set-point which has come to rest still has to turn. After a fault it may be what turns wrongly.
+#[test]
+fn the_drives_speed_limit_outlasts_the_set_points_speed_but_not_in_a_fault() {
+    let limit_rpm = |bench: &Bench| match bench.command {
+        DriveCommand::Follow { speed_limit_rpm, .. } => speed_limit_rpm,
+        other => panic!("{other:?}"),
+    };
+    let fast = || {
+        let mut bench = Bench::homed();
+        bench.begin(to(0.010, 0.02));
+        bench.run(60);
+        bench
+    };
+    let least_rpm = constants().motor_rpm(1.0);
+    let mut bench = fast();
+    let moving_rpm = limit_rpm(&bench);
+    bench.ask(Request::Stop).expect("it stops");
+    bench.while_in(State::Moving);
+    let stopped_rpm = limit_rpm(&bench);
+    let outlasts = (least_rpm + 200..moving_rpm).contains(&stopped_rpm);
+    assert!(outlasts, "{least_rpm} {stopped_rpm} {moving_rpm}");
+    bench.run(200);
+    assert!(limit_rpm(&bench) < least_rpm + 50, "{}", limit_rpm(&bench));
+    let mut bench = fast();
+    bench.tamper = tamper(|inputs| inputs.upper_limit_open = true);
+    bench.ticks_until_fault(10).expect("a fault");
+    assert_eq!(limit_rpm(&bench), least_rpm);
+}
+
 #[test]
 fn a_load_that_stays_behind_its_set_point_is_a_fault_after_three_tenths_of_a_second() {
     let mut bench = holding();
