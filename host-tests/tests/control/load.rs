@@ -334,20 +334,25 @@ fn a_changed_load_is_brought_back_by_a_motor_that_is_slower_than_the_scene_says(
     }
 }
 
+/// A hard rig that has homed under a load (kg), has gone to a position (m), and has held another load there for 6 s.
+fn hung_meanwhile(seed: u64, load_kg: f64, at_m: f32, other: &str) -> ControlBench {
+    let rig = Subject::new(RigPreset::Hard, seed).switched_on(load_kg * STANDARD_GRAVITY).expect("a rig");
+    let mut d = ControlBench::on(rig, host_tests::booted());
+    d.home().unwrap();
+    d.tick(Some(super::go(at_m, 0.01)));
+    d.run(6.0);
+    d.rig.set_plant("load", other).unwrap();
+    d.run(6.0);
+    assert_eq!(d.control.state(), State::Holding, "seed {seed}: {:?}", d.control.fault());
+    d
+}
+
 /// The strings turn for a second and more, while it is known already that the load has become another one.
 #[test]
 fn a_heavy_load_of_which_half_is_taken_off_comes_back_without_a_fault() {
     for seed in 1..4 {
-        let rig = Subject::new(RigPreset::Hard, seed).switched_on(1.6 * STANDARD_GRAVITY).expect("a rig");
-        let mut d = ControlBench::on(rig, host_tests::booted());
-        d.home().unwrap();
-        d.tick(Some(super::go(0.008, 0.01)));
-        d.run(6.0);
-        d.rig.set_plant("load", "0.8kg").unwrap();
-        d.run(6.0);
-        let error_m = d.true_position_m() - 0.008;
-        println!("seed {seed}: {:?}, {:.0} um", d.control.fault(), 1e6 * error_m);
-        assert!(d.control.state() == State::Holding && error_m.abs() < 0.3e-3, "seed {seed}: {:?}", d.control.fault());
+        let error_m = hung_meanwhile(seed, 1.6, 0.008, "0.8kg").true_position_m() - 0.008;
+        assert!(error_m.abs() < 0.3e-3, "seed {seed}: {error_m} m");
     }
 }
 
@@ -355,13 +360,6 @@ fn a_heavy_load_of_which_half_is_taken_off_comes_back_without_a_fault() {
 #[test]
 fn a_light_load_that_becomes_lighter_and_sticks_is_no_fault() {
     for seed in [1, 30, 37, 42] {
-        let rig = Subject::new(RigPreset::Hard, seed).switched_on(0.2 * STANDARD_GRAVITY).expect("a rig");
-        let mut d = ControlBench::on(rig, host_tests::booted());
-        d.home().unwrap();
-        d.tick(Some(super::go(0.006, 0.02)));
-        d.run(6.0);
-        d.rig.set_plant("load", "0.1kg").unwrap();
-        d.run(6.0);
-        assert_eq!(d.control.state(), State::Holding, "seed {seed}: {:?}", d.control.fault());
+        hung_meanwhile(seed, 0.2, 0.006, "0.1kg");
     }
 }
