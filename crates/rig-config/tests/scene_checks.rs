@@ -59,7 +59,7 @@ motor_resistance_ohm = 1e6 | rig.motor_resistance_ohm; 19.2 V | motor_resistance
 rotor_inertia_kg_m2 = 1.2 | rig.rotor_inertia_kg_m2; kg m² | rotor_inertia_kg_m2 = 9e-7
 motor_speed_max_rad_per_s = 0.001 | rig.motor_speed_max_rad_per_s; rig.gear_ratio; homing from 7.5 turns; 42 s | motor_speed_max_rad_per_s = 285.0
 motor_speed_max_rad_per_s = 260.0 | rig.motor_speed_max_rad_per_s; 2483 rpm; 42 s | motor_speed_max_rad_per_s = 300.0
-turns = [0.0, 8.0]; load_n = [10.0, 11.0]; gear_ratio = [248, 1] | envelope.turns; homing from 8 turns; 42 s | turns = [0.0, 7.0]; load_n = [10.0, 11.0]; gear_ratio = [248, 1]
+turns = [0.0, 8.0]; load_n = [10.0, 11.0]; gear_ratio = [248, 1] | envelope.turns; homing from 8 turns; 42 s | turns = [0.0, 7.0]; load_n = [10.0, 11.0]; gear_ratio = [230, 1]
 encoder_lines = 1 | rig.encoder_lines; 15000 rpm; 9998 rpm; accuracy.contraction_m | encoder_lines = 16
 encoder_lines = 16384 | rig.encoder_lines; 32767 | encoder_lines = 4096
 # Open strings, which homing passes, pull back with more torque than those of the last turn.

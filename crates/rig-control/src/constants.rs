@@ -86,6 +86,13 @@ impl TwistLimits {
 }
 
 impl RigConstants {
+    /// The same with a motor that is no faster than a supply (V) allows: what it turns, it makes as a voltage.
+    #[must_use]
+    pub fn on_supply(&self, volts: f32) -> Self {
+        let fastest = volts / self.motor_torque_constant_nm_per_a;
+        Self { motor_speed_max_rad_per_s: self.motor_speed_max_rad_per_s.min(fastest), ..*self }
+    }
+
     /// Maximum speed of the strings' twist (rad/s).
     pub fn twist_speed_max(&self) -> f32 {
         self.motor_speed_max_rad_per_s / self.gear_ratio
@@ -181,6 +188,16 @@ pub(crate) mod tests {
         assert_eq!(RIG.motor_rpm(1.0), 593, "62 * 60 / tau is 592.06");
         assert_eq!(RIG.motor_rpm(-1.0), RIG.motor_rpm(1.0));
         assert_eq!((RIG.motor_rpm(0.0), RIG.motor_rpm(1e6)), (0, 32_767));
+    }
+
+    #[test]
+    fn a_supply_that_is_too_low_for_the_motors_speed_lowers_it() {
+        // 22.9 mV for each rad/s.
+        for (volts, expected) in [(22.9, 1000.0), (11.45, 500.0), (28.0, 1047.0)] {
+            let rig = RIG.on_supply(volts);
+            assert!((rig.motor_speed_max_rad_per_s - expected).abs() < 1e-3, "{volts} V: {rig:?}");
+            assert_eq!(RigConstants { motor_speed_max_rad_per_s: 1047.0, ..rig }, RIG);
+        }
     }
 
     #[test]

@@ -9,9 +9,7 @@ use rig_link::STANDARD_GRAVITY;
 use rig_link::messages::Limit;
 use tsa_table::Point;
 
-/// Fraction of the motor's speed that moves are planned with; the rest is for the loop.
-pub const PLANNED_FRACTION: f32 = 0.97;
-/// The same of its acceleration: where the acceleration of the load turns over, the strings change their speed all at once.
+/// Fraction of the motor's acceleration that moves are planned with: where the acceleration of the load turns over, the strings change their speed all at once.
 const ACCELERATION_FRACTION: f32 = 0.5;
 /// Minimum fraction of the motor's current that is taken to be left for accelerating.
 const MIN_SPARE: f32 = 0.1;
@@ -54,7 +52,7 @@ impl Limits {
         let torque_per_a = rig.motor_torque_constant_nm_per_a * rig.gear_ratio;
         let holding = pull_n / (tr_rad_per_m * torque_per_a * 1e-3 * f32::from(rig.current_limit_ma));
         let spare = (1.0 - holding).clamp(MIN_SPARE, 1.0);
-        let fastest = PLANNED_FRACTION * rig.twist_speed_max() / tr_rad_per_m;
+        let fastest = rig.twist_speed_max() / tr_rad_per_m;
         let unloaded = ACCELERATION_FRACTION * rig.twist_limits().acceleration / tr_rad_per_m;
         let hardest = spare * unloaded;
         let speed = asked.min(fastest);
@@ -141,7 +139,7 @@ mod tests {
         assert!(none.is_none() && (easy.acceleration * rise / 0.004 - 1.0).abs() < 1e-5, "{easy:?} {none:?}");
         assert!((easy.rise_s(0.002) / rise - 1.0).abs() < 1e-5);
         let (fast, limit) = Limits::for_motor(0.02, &at(2000.0), 5.0, &rig);
-        let fastest = 0.97 * 1000.0 / 60.0 / 2000.0;
+        let fastest = 1000.0 / 60.0 / 2000.0;
         assert!(limit == Some(Limit::MotorSpeed) && (fast.speed / fastest - 1.0).abs() < 1e-5, "{fast:?}");
         let slow = RigConstants { motor_acceleration_max_rad_per_s2: 1000.0, ..rig };
         let (steep, limit) = Limits::for_motor(0.004, &at(2000.0), 5.0, &slow);

@@ -314,11 +314,12 @@ fn a_small_change_of_the_load_leaves_no_error_where_nothing_sticks() {
     }
 }
 
-/// At 19.5 V the motor turns slower than the set-point of the shaft. When this stops, the shaft still has a way to go.
+/// A motor with a tenth more torque for each ampere is slower than the set-point of the shaft. When this stops, the shaft still has a
+/// way to go.
 #[test]
 fn a_changed_load_is_brought_back_by_a_motor_that_is_slower_than_the_scene_says() {
     for seed in 1..4 {
-        let mut d = super::homed(&[("supply_voltage", "19.5V")], "1.2kg", "0.2N", seed);
+        let mut d = super::homed(&[("torque_constant_scale", "1.1")], "1.2kg", "0.2N", seed);
         d.tick(Some(super::go(0.005, 0.01)));
         d.run(6.0);
         d.rig.set_plant("load", "0.5kg").unwrap();
@@ -334,10 +335,34 @@ fn a_changed_load_is_brought_back_by_a_motor_that_is_slower_than_the_scene_says(
     }
 }
 
+/// At 19.5 V, which is no fault of the supply, the motor has four fifths of its speed.
+#[test]
+fn moves_at_full_speed_on_a_low_supply_end_at_their_targets() {
+    for seed in [5018, 5036, 5056] {
+        let mut d = switched_on(RigPreset::Nominal, seed, 1.5);
+        d.rig.set_plant("supply_voltage", "19.5V").unwrap();
+        d.home().unwrap();
+        for target_m in [0.013, 0.001] {
+            d.tick(Some(super::go(target_m, f32::INFINITY)));
+            d.run(0.5);
+            assert_eq!(d.last.as_ref().unwrap().telemetry.limit, Some(Limit::MotorSpeed));
+            d.run(6.0);
+            let error_m = d.true_position_m() - f64::from(target_m);
+            assert_eq!(d.control.fault(), None, "seed {seed}, to {target_m} m");
+            assert!(error_m.abs() < 0.15e-3, "seed {seed}, to {target_m} m: {error_m} m");
+        }
+    }
+}
+
+/// A rig of a kind that is switched on under a load (kg).
+fn switched_on(kind: RigPreset, seed: u64, load_kg: f64) -> ControlBench {
+    let rig = Subject::new(kind, seed).switched_on(load_kg * STANDARD_GRAVITY).expect("a rig");
+    ControlBench::on(rig, host_tests::booted())
+}
+
 /// A hard rig that has homed under a load (kg), has gone to a position (m), and has held another load there for 6 s.
 fn hung_meanwhile(seed: u64, load_kg: f64, at_m: f32, other: &str) -> ControlBench {
-    let rig = Subject::new(RigPreset::Hard, seed).switched_on(load_kg * STANDARD_GRAVITY).expect("a rig");
-    let mut d = ControlBench::on(rig, host_tests::booted());
+    let mut d = switched_on(RigPreset::Hard, seed, load_kg);
     d.home().unwrap();
     d.tick(Some(super::go(at_m, 0.01)));
     d.run(6.0);
@@ -352,7 +377,7 @@ fn hung_meanwhile(seed: u64, load_kg: f64, at_m: f32, other: &str) -> ControlBen
 fn a_heavy_load_of_which_half_is_taken_off_comes_back_without_a_fault() {
     for seed in 1..4 {
         let error_m = hung_meanwhile(seed, 1.6, 0.008, "0.8kg").true_position_m() - 0.008;
-        assert!(error_m.abs() < 0.3e-3, "seed {seed}: {error_m} m");
+        assert!(error_m.abs() < 0.5e-3, "seed {seed}: {error_m} m");
     }
 }
 

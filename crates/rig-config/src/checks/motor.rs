@@ -3,8 +3,7 @@
 use super::Verdict::{self, Fits, Impossible, Unusual};
 use super::{States, short};
 use crate::Scene;
-use rig_control::homing::{LOAD_TURNS, SPEED, SWEEP_HALF, TIME_OUT_S};
-use rig_control::limits::PLANNED_FRACTION;
+use rig_control::homing::{LOAD_TURNS, MOTOR_FRACTION, SPEED, SWEEP_HALF, TIME_OUT_S};
 use std::f64::consts::{PI, TAU};
 
 /// Fraction of the current above which almost nothing remains for friction and acceleration (rig-control, `limits`).
@@ -94,10 +93,6 @@ pub(super) fn board_follows_the_count(s: &Scene) -> Verdict {
     ))
 }
 
-fn planned_rad_per_s(s: &Scene) -> f64 {
-    f64::from(PLANNED_FRACTION) * s.rig.motor_speed_max_rad_per_s / s.rig.gear()
-}
-
 /// Time (s) that homing takes from some turns: to zero twist and past it, two sweeps across it, to the half-turn pre-twist, up and
 /// down over the weighed turns; and the rests and the probe. With a slow motor the emulated rig needs less.
 fn homing_s(from_turns: f64, weighed_turns: f64, max_rad_per_s: f64) -> f64 {
@@ -109,7 +104,7 @@ fn homing_s(from_turns: f64, weighed_turns: f64, max_rad_per_s: f64) -> f64 {
 }
 
 pub(super) fn speed_covers_the_turns(s: &Scene, states: &States) -> Verdict {
-    let speed = planned_rad_per_s(s);
+    let speed = f64::from(MOTOR_FRACTION) * s.rig.motor_speed_max_rad_per_s / s.rig.gear();
     let turning = |what: String, seconds: f64, max: f64| {
         Impossible(format!(
             "{} of the motor through a gear of {}:{} turn the strings at {} rad/s with a tenth to spare: {what} would \

@@ -20,7 +20,6 @@ mod stick_slip;
 mod sweeps;
 
 use crate::constants::TwistLimits;
-use crate::limits::PLANNED_FRACTION;
 use crate::mechanism::Mechanism;
 use crate::observer::{SETTLED_TICKS, TRAVEL_M};
 use crate::ramp::Ramp;
@@ -45,6 +44,8 @@ const QUIET_PATIENCE_S: f32 = 10.0;
 const PROBE_TRAVEL: f32 = 18.0;
 /// Speed of all of it (rad/s): a faster homing fails on more hard plants.
 pub const SPEED: f32 = 6.5;
+/// Fraction of a slow motor's speed that it uses: friction and a low supply take the rest.
+pub const MOTOR_FRACTION: f32 = 0.9;
 /// A shaft that is this far (rad) behind its set-point stands against fully closed strings: more than any drive lags at this
 /// speed, and little enough to turn back before the drive takes it for a stall and drops the load.
 const PROBE_BEHIND: f32 = 0.5;
@@ -175,7 +176,7 @@ impl Homing {
         load: LoadChoice,
         heaviest_n: f32,
     ) -> Self {
-        let speed = SPEED.min(PLANNED_FRACTION * motor.speed);
+        let speed = SPEED.min(MOTOR_FRACTION * motor.speed);
         Self {
             phase: Phase::Quiet(Quiet::default()),
             limits: TwistLimits { speed, acceleration: ACCELERATION.min(motor.acceleration) },

@@ -1,9 +1,9 @@
 //! What moves or holds the load, from its observed state to the set-point of the shaft: a planned move and the hold after it, planner and
 //! position loop, tick by tick, and when a move is over.
 
-use super::guard::{LONG_TICKS, SHORT_TICKS};
+use super::guard::{LONG_TICKS, SHORT_TICKS, supply};
 use super::modes::Mode;
-use super::{Controller, Events, lasts};
+use super::{Controller, Events, Inputs, lasts};
 use crate::TICK_S;
 use crate::limits::Limits;
 use crate::load_motion::AHEAD_S;
@@ -155,7 +155,7 @@ impl Move {
 impl Controller {
     /// One tick of a move, a stream or a hold; what held the load back. Without a gap, or outside the table's twists, the strings
     /// are kept still; a lasting loss is a fault of its own.
-    pub(super) fn control_load(&mut self, events: &mut Events) -> Option<Limit> {
+    pub(super) fn control_load(&mut self, inputs: &Inputs, events: &mut Events) -> Option<Limit> {
         let readings = &self.sensing.readings;
         let (Some(tracking), Some(_)) = (&mut self.tracking, readings.lvdt.gap_m()) else {
             self.shaft.speed = 0.0;
@@ -173,6 +173,8 @@ impl Controller {
             let _ = events.push(EventKind::StreamEnded(end));
             self.mode = Mode::Moving(stream.brake());
         }
+        let rig =
+            supply(inputs).and_then(|supply| supply.volts).map_or(self.constants, |v| self.constants.on_supply(v));
         let load = LoadState {
             mechanism: tracking.mechanism(self.table.table()),
             observation,
@@ -180,7 +182,7 @@ impl Controller {
             motion,
             twist_rad,
             found: &tracking.homed.found,
-            rig: &self.constants,
+            rig: &rig,
         };
         let (output, limit, planned) = match &mut self.mode {
             Mode::Moving(planned) => {

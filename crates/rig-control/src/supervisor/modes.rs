@@ -127,7 +127,7 @@ impl Controller {
             Mode::Boot(_) => self.step_boot(inputs, events),
             Mode::Proving(_) => self.step_proving(inputs, events),
             Mode::Homing(_) => self.step_homing(events),
-            Mode::Moving(_) | Mode::Streaming(_) | Mode::Holding(_) => return self.control_load(events),
+            Mode::Moving(_) | Mode::Streaming(_) | Mode::Holding(_) => return self.control_load(inputs, events),
             Mode::Jogging(speed_rad_per_s) => return self.step_jog(speed_rad_per_s, events),
             Mode::Idle | Mode::Fault | Mode::EStop { .. } => self.shaft.speed = 0.0,
         }

@@ -44,7 +44,7 @@ pub(in crate::supervisor) fn supply_off_us(inputs: &Inputs, constants: &RigConst
 }
 
 /// The last report of the supply, while it says something about now.
-pub(super) fn supply(inputs: &Inputs) -> Option<SupplyReading> {
+pub(in crate::supervisor) fn supply(inputs: &Inputs) -> Option<SupplyReading> {
     inputs.supply.filter(|supply| inputs.now_us.saturating_sub(supply.t_us) < SUPPLY_OLD_US)
 }
 

@@ -21,7 +21,7 @@ use super::modes::Mode;
 use super::{Controller, EventKind, Events, HOST_SILENT_US, Inputs};
 use crate::sensors::OLD_US;
 use drive::DriveChecks;
-pub(super) use drive::{is_silent as drive_is_silent, supply_off_us};
+pub(super) use drive::{is_silent as drive_is_silent, supply, supply_off_us};
 use gap::GapChecks;
 use load::LoadChecks;
 use rig_link::messages::{Fault, Faults, State};
