@@ -3,18 +3,34 @@
 use super::super::{Controller, Inputs, lasts};
 use super::lvdt_jump::{JUMP_M, LvdtJump, STEP_TICKS};
 use super::{BRIEF_TICKS, LONG_TICKS};
+use crate::mechanism::Mechanism;
 use crate::sensors::{DriveReading, LvdtReading};
-use rig_link::messages::Fault;
+use rig_link::messages::{Fault, GapCurve};
 
-/// Rms noise (codes) of a block in which a load falls at up to 2 m/s; one in which a wire breaks has far more.
-const FALLING_NOISE: f32 = 60.0;
+/// Pull of a load that turns back after it was hung on suddenly, over its weight. On strings that stiffen it is more than this, and with
+/// friction less.
+const SUDDEN_PULL: f32 = 2.0;
+
+impl Controller {
+    /// Gap (m) below which no load of the table's range comes that hangs on whole strings: the heaviest, hung on suddenly. Before
+    /// homing the strings may be untwisted, and hang lowest.
+    fn lowest_gap_m(&self) -> f32 {
+        let table = self.table.table();
+        let load_n = SUDDEN_PULL * table.metadata.load_max_n;
+        match &self.tracking {
+            Some(tracking) => {
+                let twist_rad = tracking.twist_rad(self.sensing.readings.shaft_at_gap_rad);
+                tracking.mechanism(table).at(load_n, twist_rad).gap_m
+            }
+            None => Mechanism { table, twist_scale: 1.0, curve: GapCurve::constant(0.0) }.at(load_n, 0.0).gap_m,
+        }
+    }
+}
 
 /// What the gap's checks remember.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct GapChecks {
     missing_ticks: u16,
-    /// Last valid gap (m).
-    last_gap_m: Option<f32>,
     /// The newest block's gap, however noisy (m).
     last_block_m: Option<f32>,
     drop_ticks: u16,
@@ -29,19 +45,16 @@ impl GapChecks {
         [broken.then_some(Fault::StringBreak), jumped.then_some(Fault::LvdtJump), self.missing(rig, inputs, started)]
     }
 
-    /// The load has dropped, so a string is broken: it has fallen farther than any motor moves it ([`JUMP_M`]) in more ticks than a
-    /// sensor that shifts steps in ([`STEP_TICKS`]), and five times as far since the last good reading.
+    /// The load has dropped, so a string is broken: it falls farther than any motor moves it ([`JUMP_M`]) in more ticks than a sensor
+    /// that shifts steps in ([`STEP_TICKS`]), and is lower than any load of the table that is hung on suddenly.
     fn dropped(&mut self, rig: &Controller, inputs: &Inputs) -> bool {
         let Some(block) = inputs.lvdt else { return false };
-        let lvdt = rig.sensing.readings.lvdt;
         let gap_m = rig.constants.lvdt_gap_m(block.mean_code);
         let falls = self.last_block_m.replace(gap_m).is_some_and(|last| gap_m - last > JUMP_M);
         let long = lasts(&mut self.drop_ticks, falls, STEP_TICKS as u16 + 1);
-        let dropped = long && self.last_gap_m.is_some_and(|last| gap_m - last > 5.0 * JUMP_M);
-        self.last_gap_m = lvdt.gap_m().or(self.last_gap_m);
-        // A falling load blurs its block; a broken wire blurs it far more.
-        let real = !matches!(lvdt, LvdtReading::Invalid(Fault::LvdtOpen | Fault::LvdtShort));
-        dropped && real && !block.is_noisier_than(FALLING_NOISE)
+        // A falling load blurs its blocks, so that they are too noisy to be a position.
+        let unwired = matches!(rig.sensing.readings.lvdt, LvdtReading::Invalid(Fault::LvdtOpen | Fault::LvdtShort));
+        long && !unwired && gap_m > rig.lowest_gap_m()
     }
 
     /// The LVDT gives no valid reading.
