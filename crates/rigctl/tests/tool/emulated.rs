@@ -144,6 +144,13 @@ fn wrong_usage_is_2_and_names_the_parameter() {
 }
 
 #[test]
+fn a_stop_without_a_port_says_that_it_reaches_no_rig() {
+    let stop = rigctl(&["stop"]);
+    let said = String::from_utf8_lossy(&stop.stdout).into_owned();
+    assert!(stop.status.success() && said.contains("NO rig"), "{said} {}", error_of(&stop));
+}
+
+#[test]
 fn an_emulated_board_is_sent_the_table_of_the_scene() {
     let [scene, script] = ["thicker.toml", "thicker.script"].map(|name| text(&file(name)).to_owned());
     let text = std::fs::read_to_string(root().join("scenes/default.toml")).expect("a scene");

@@ -234,6 +234,33 @@ fn an_interrupt_ends_the_tool_and_its_emulated_board_whatever_they_do() {
     }
 }
 
+/// As under `nohup`.
+#[test]
+fn a_tool_whose_terminal_may_end_goes_on_when_it_does() {
+    let folder = folder("nohup");
+    let script = folder.join("short.script");
+    std::fs::write(&script, "60 end\n").expect("written");
+    let mut shell = Command::new("sh");
+    shell.args(["-c", "trap '' HUP; exec \"$@\"", "sh", env!("CARGO_BIN_EXE_rigctl")]);
+    shell.args(["sim", "--json", "--script", text(&script)]).current_dir(root());
+    let child = shell.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().expect("sh runs");
+    emulator_of(child.id());
+    signal("-HUP", child.id());
+    let output = ended(child, "sim");
+    assert!(output.status.success(), "{}", error_of(&output));
+}
+
+#[test]
+fn a_backup_may_have_a_name_that_is_no_text() {
+    use std::os::unix::ffi::OsStrExt;
+    let folder = folder("no-text");
+    let file = folder.join(std::ffi::OsStr::from_bytes(b"b\xffckup.toml"));
+    for act in ["backup", "restore"] {
+        let output = tool(&["config", act]).arg(&file).output().expect("rigctl runs");
+        assert!(output.status.success(), "{act}: {}", error_of(&output));
+    }
+}
+
 #[test]
 fn an_emulated_board_ends_with_who_started_it_in_the_middle_of_a_run() {
     use std::io::Write;
