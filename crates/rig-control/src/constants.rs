@@ -86,10 +86,11 @@ impl TwistLimits {
 }
 
 impl RigConstants {
-    /// The same with a motor that is no faster than a supply (V) allows: what it turns, it makes as a voltage.
+    /// The same with a motor that is no faster than a supply (V) allows: what it turns, it makes as a voltage. A supply below its
+    /// limits is a fault of its own.
     #[must_use]
     pub fn on_supply(&self, volts: f32) -> Self {
-        let fastest = volts / self.motor_torque_constant_nm_per_a;
+        let fastest = volts.max(self.supply_limits_v[0]) / self.motor_torque_constant_nm_per_a;
         Self { motor_speed_max_rad_per_s: self.motor_speed_max_rad_per_s.min(fastest), ..*self }
     }
 
@@ -192,10 +193,10 @@ pub(crate) mod tests {
 
     #[test]
     fn a_supply_that_is_too_low_for_the_motors_speed_lowers_it() {
-        // 22.9 mV for each rad/s.
-        for (volts, expected) in [(22.9, 1000.0), (11.45, 500.0), (28.0, 1047.0)] {
+        // 22.9 mV for each rad/s, of 19.2 V at least.
+        for (volts, expected) in [(22.9, 1000.0), (20.61, 900.0), (0.0, 838.428), (-1.0, 838.428), (28.0, 1047.0)] {
             let rig = RIG.on_supply(volts);
-            assert!((rig.motor_speed_max_rad_per_s - expected).abs() < 1e-3, "{volts} V: {rig:?}");
+            assert!((rig.motor_speed_max_rad_per_s - expected).abs() < 1e-2, "{volts} V: {rig:?}");
             assert_eq!(RigConstants { motor_speed_max_rad_per_s: 1047.0, ..rig }, RIG);
         }
     }

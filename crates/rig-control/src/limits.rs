@@ -9,7 +9,8 @@ use rig_link::STANDARD_GRAVITY;
 use rig_link::messages::Limit;
 use tsa_table::Point;
 
-/// Fraction of the motor's acceleration that moves are planned with: where the acceleration of the load turns over, the strings change their speed all at once.
+/// Fraction of the motor's acceleration that moves are planned with: where the acceleration of the load turns over, the strings
+/// change their speed all at once.
 const ACCELERATION_FRACTION: f32 = 0.5;
 /// Minimum fraction of the motor's current that is taken to be left for accelerating.
 const MIN_SPARE: f32 = 0.1;
