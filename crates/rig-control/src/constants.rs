@@ -86,8 +86,8 @@ impl TwistLimits {
 }
 
 impl RigConstants {
-    /// The same with a motor that is no faster than a supply (V) allows: what it turns, it makes as a voltage. A supply below its
-    /// limits is a fault of its own.
+    /// The same constants with a motor that is no faster than a supply (V) allows: its back-EMF cannot exceed the supply. A supply
+    /// below its limits is a fault of its own.
     #[must_use]
     pub fn on_supply(&self, volts: f32) -> Self {
         let fastest = volts.max(self.supply_limits_v[0]) / self.motor_torque_constant_nm_per_a;

@@ -44,7 +44,7 @@ const QUIET_PATIENCE_S: f32 = 10.0;
 const PROBE_TRAVEL: f32 = 18.0;
 /// Speed of all of it (rad/s): a faster homing fails on more hard plants.
 pub const SPEED: f32 = 6.5;
-/// Fraction of a slow motor's speed that it uses: friction and a low supply take the rest.
+/// Fraction of the motor's speed that homing uses at most: friction and the spread of the torque constant may take the rest.
 pub const MOTOR_FRACTION: f32 = 0.9;
 /// A shaft that is this far (rad) behind its set-point stands against fully closed strings: more than any drive lags at this
 /// speed, and little enough to turn back before the drive takes it for a stall and drops the load.
