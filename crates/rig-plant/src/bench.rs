@@ -56,7 +56,7 @@ pub fn settings(keys: &[(&str, &str)]) -> PlantSettings {
 
 /// Longest start of the drive (s), longest homing (s), longest move beyond what distance and speed need (s).
 const START_S: f64 = 10.0;
-const HOMING_S: f64 = 60.0;
+const HOMING_S: f64 = 120.0;
 const MOVE_SLACK_S: f64 = 60.0;
 /// What is said of a drive that does not report.
 const NO_START: &str = "the drive does not start: is it powered, is the bus wired?";

@@ -5,6 +5,7 @@ mod estop;
 mod homing;
 mod load;
 mod moving;
+mod scenes;
 mod stream;
 mod wiring;
 

@@ -3,13 +3,12 @@
 use super::Verdict::{self, Fits, Impossible, Unusual};
 use super::{States, short};
 use crate::Scene;
-use rig_control::homing::{LOAD_TURNS, MOTOR_FRACTION, SPEED, SWEEP_HALF, TIME_OUT_S};
+use rig_control::homing::{LOAD_TURNS, MOTOR_FRACTION, SPEED, SWEEP_HALF, time_out_s};
 use std::f64::consts::{PI, TAU};
+use tsa_model::twist_from_turns;
 
 /// Fraction of the current above which almost nothing remains for friction and acceleration (rig-control, `limits`).
 const HOLDING_FRACTION: f64 = 0.9;
-/// Turns from which homing is tried at most (rig-control, `homing`).
-const HOMED_TURNS: f64 = 12.0;
 /// Longest time (s) for the way between the ends of the envelope.
 const WAY_S: f64 = 180.0;
 
@@ -108,19 +107,21 @@ pub(super) fn speed_covers_the_turns(s: &Scene, states: &States) -> Verdict {
     let turning = |what: String, seconds: f64, max: f64| {
         Impossible(format!(
             "{} of the motor through a gear of {}:{} turn the strings at {} rad/s with a tenth to spare: {what} would \
-             take {} s, and is given {max} s",
+             take {} s, and is given {} s",
             rpm(s.rig.motor_speed_max_rad_per_s),
             s.rig.gear_ratio[0],
             s.rig.gear_ratio[1],
             short(speed),
-            short(seconds)
+            short(seconds),
+            short(max)
         ))
     };
     let [first, last] = states.turns;
-    let home_s = homing_s(last.min(HOMED_TURNS), (last - first).min(LOAD_TURNS.into()), speed);
+    let home_s = homing_s(last, (last - first).min(LOAD_TURNS.into()), speed);
+    let time_out_s = f64::from(time_out_s(twist_from_turns(last) as f32));
     let way_s = (last - first) * TAU / speed;
-    if home_s > TIME_OUT_S.into() {
-        turning(format!("homing from {} turns", short(last.min(HOMED_TURNS))), home_s, TIME_OUT_S.into())
+    if home_s > time_out_s {
+        turning(format!("homing from {} turns", short(last)), home_s, time_out_s)
     } else if way_s > WAY_S {
         turning(format!("the way of {} turns", short(last - first)), way_s, WAY_S)
     } else {

@@ -49,16 +49,17 @@ pub const MOTOR_FRACTION: f32 = 0.9;
 /// A shaft that is this far (rad) behind its set-point stands against fully closed strings: more than any drive lags at this
 /// speed, and little enough to turn back before the drive takes it for a stall and drops the load.
 const PROBE_BEHIND: f32 = 0.5;
-/// Farthest from the power-up twist that the maximum is looked for (rad): 12 turns, and what the probe went astray.
-const SEEK_TRAVEL: f32 = 12.0 * TAU + PROBE_TRAVEL;
+/// Farthest from the power-up twist that the maximum is looked for (rad), unless the table has more twist, and what the probe went
+/// astray aside.
+const SEEK_TRAVEL: f32 = 12.0 * TAU;
 /// Half the width of the sweeps across the maximum (rad).
 pub const SWEEP_HALF: f32 = 5.0;
 /// Turns past the half-turn pre-twist that the load is weighed over.
 pub const LOAD_TURNS: f32 = 6.0;
 /// Acceleration of all of it, and of a jog (rad/s²): so little that a load hardly swings.
 pub(crate) const ACCELERATION: f32 = 25.0;
-/// Longest homing (s), start-up of the drive not counted.
-pub const TIME_OUT_S: f32 = 42.0;
+/// Longest homing (s), start-up of the drive not counted, on strings that the search for the maximum turns by [`SEEK_TRAVEL`].
+const TIME_OUT_S: f32 = 42.0;
 
 /// Half the width of the interval that holds the truth in 90 of 100 cases, over the standard error.
 pub const NINETY_PERCENT: f32 = 1.645;
@@ -165,6 +166,11 @@ pub struct Homing {
     lag_count: u16,
 }
 
+/// Longest homing (s) of strings with such a maximum twist (rad), start-up of the drive not counted.
+pub fn time_out_s(twist_max_rad: f32) -> f32 {
+    TIME_OUT_S + (twist_max_rad - SEEK_TRAVEL).max(0.0) / SPEED
+}
+
 impl Homing {
     /// Starts from a shaft angle (rad) and a gap (m), within limits and expecting a scale of the twist. `load` is what the
     /// operator says of the load's weight, `heaviest_n` the heaviest load that the rods remember (N).
@@ -208,14 +214,15 @@ impl Homing {
     ) -> Result<Option<Homed>, HomingFailure> {
         let HomingInputs { shaft_rad, shaft_at_gap_rad, gap_m } = *inputs;
         self.ticks += 1;
-        if self.ticks as f32 * TICK_S > TIME_OUT_S {
+        let twist_max_rad = table.metadata.twist_max_rad;
+        if self.ticks as f32 * TICK_S > time_out_s(twist_max_rad) {
             return Err(HomingFailure::TimeOut);
         }
         self.smooth_gap_m += SMOOTHING * (gap_m - self.smooth_gap_m);
         self.phase = match self.phase {
             Phase::Quiet(quiet) => self.wait_for_quiet(quiet),
             Phase::Probe { start_rad, gap_m } => self.probe(start_rad, gap_m, shaft_rad)?,
-            Phase::Seek(seek) => self.seek(seek, shaft_rad)?,
+            Phase::Seek(seek) => self.seek(seek, shaft_rad, twist_max_rad)?,
             // From the far side, where the seek came to rest, so that nothing is travelled twice.
             Phase::CentreRest => match self.has_rested_at(self.zero_rad + self.direction * SWEEP_HALF) {
                 true => Phase::Centre,
@@ -274,8 +281,9 @@ impl Homing {
         if ended { Err(HomingFailure::NoPretwist) } else { Ok(Phase::Probe { start_rad, gap_m }) }
     }
 
-    fn seek(&mut self, mut seek: Seek, shaft_rad: f32) -> Result<Phase, HomingFailure> {
-        self.turn_to(seek.start_rad + self.direction * SEEK_TRAVEL);
+    fn seek(&mut self, mut seek: Seek, shaft_rad: f32, twist_max_rad: f32) -> Result<Phase, HomingFailure> {
+        let travel = SEEK_TRAVEL.max(twist_max_rad) + PROBE_TRAVEL;
+        self.turn_to(seek.start_rad + self.direction * travel);
         // The probe may have left the motor going the other way: only what lies ahead counts.
         let ahead = (shaft_rad - seek.start_rad) * self.direction > -0.05;
         seek.low_m = seek.low_m.map(|low_m| low_m.min(self.smooth_gap_m));
@@ -299,7 +307,7 @@ impl Homing {
         } else if seek.low_m.is_some() && (fall_m > 10.0 * TRAVEL_M || turned > PROBE_TRAVEL) {
             // This is not the way to zero twist: more of it would close the strings.
             Err(HomingFailure::NoPretwist)
-        } else if turned > 0.98 * SEEK_TRAVEL {
+        } else if turned > 0.98 * travel {
             Err(HomingFailure::TravelEnd)
         } else {
             Ok(Phase::Seek(seek))
@@ -404,8 +412,9 @@ impl Homing {
 mod tests {
     use super::*;
 
-    /// What a search that has turned so far (rad) does at gaps (m) one after the other, counted from where it began.
-    fn seeks(turned_rad: f32, gaps_m: &[f32]) -> Result<Phase, HomingFailure> {
+    /// What a search that has turned so far (rad) does at gaps (m) one after the other, counted from where it began, on strings with
+    /// such a maximum twist (rad).
+    fn seeks_on(twist_max_rad: f32, turned_rad: f32, gaps_m: &[f32]) -> Result<Phase, HomingFailure> {
         let motor = TwistLimits { speed: 2.0 * SPEED, acceleration: ACCELERATION };
         let mut homing = Homing::new(motor, 0.0, 0.1, 1.0, LoadChoice::Auto, 0.0);
         let (low_m, top_m) = (Some(0.1), 0.1);
@@ -413,9 +422,13 @@ mod tests {
         for gap_m in gaps_m {
             let Phase::Seek(seek) = phase else { panic!("it has ended before") };
             homing.smooth_gap_m = 0.1 + gap_m;
-            phase = homing.seek(seek, turned_rad)?;
+            phase = homing.seek(seek, turned_rad, twist_max_rad)?;
         }
         Ok(phase)
+    }
+
+    fn seeks(turned_rad: f32, gaps_m: &[f32]) -> Result<Phase, HomingFailure> {
+        seeks_on(50.0, turned_rad, gaps_m)
     }
 
     #[test]
@@ -431,7 +444,17 @@ mod tests {
         assert_eq!(seeks(0.99 * PROBE_TRAVEL, &[0.0]).err(), None);
         assert_eq!(seeks(1.01 * PROBE_TRAVEL, &[0.0]).err(), Some(HomingFailure::NoPretwist));
         // One that rises all the way.
-        assert_eq!(seeks(0.97 * SEEK_TRAVEL, &[1e-3]).err(), None);
-        assert_eq!(seeks(0.99 * SEEK_TRAVEL, &[1e-3]).err(), Some(HomingFailure::TravelEnd));
+        let travel_end = Some(HomingFailure::TravelEnd);
+        for (twist_max_rad, travel) in [(50.0, SEEK_TRAVEL + PROBE_TRAVEL), (130.0, 130.0 + PROBE_TRAVEL)] {
+            assert_eq!(seeks_on(twist_max_rad, 0.97 * travel, &[1e-3]).err(), None);
+            assert_eq!(seeks_on(twist_max_rad, 0.99 * travel, &[1e-3]).err(), travel_end);
+        }
+    }
+
+    #[test]
+    fn strings_of_more_turns_have_as_much_longer_to_be_homed() {
+        assert_eq!(time_out_s(50.0), TIME_OUT_S);
+        let longer = SEEK_TRAVEL + 10.0 * SPEED;
+        assert!((time_out_s(longer) - TIME_OUT_S - 10.0).abs() < 1e-3);
     }
 }

@@ -12,6 +12,9 @@ use tsa_model::{Equilibrium, Mechanism, RadiusLaw, Tier, TierError, twist_from_t
 
 /// Maximum load that the surface covers, unless the load or the scene asks for more, N.
 const SURFACE_LOAD_N: f64 = 40.0;
+/// Turns past the half-turn pre-twist that the surface covers, and how many more than the scene's there are at least.
+const SURFACE_TURNS: f64 = 11.0;
+const TURNS_BEYOND: f64 = 3.5;
 /// How far past the last twist with an equilibrium the strings can be left, rad: strings that lie side by side still
 /// give a little. That is ten turns under 0.1 kg. When they are released they throw the rotor to the other side.
 pub(super) const CLOSED_GIVE_RAD: f64 = 1.7;
@@ -71,7 +74,7 @@ pub(super) fn measured(scene: &Scene, data: &Measured, settings: &PlantSettings)
     if settings.load_n > max_n {
         return Err(RigError::Load { load_n: settings.load_n, max_n });
     }
-    let surface = Surface::new(|twist_rad, load_n| data.gap(twist_rad, load_n), max_n)?;
+    let surface = Surface::new(|twist_rad, load_n| data.gap(twist_rad, load_n), max_n, max_twist_rad(scene))?;
     // The exponent of the radius model is that of the data.
     let own = PlantSettings { twist_exponent_shift: 0.0, ..settings.clone() };
     let strings = Strings::new(mechanism.parameters(), &own);
@@ -97,23 +100,30 @@ fn hung(
     Ok(BuiltIn::new(surface, stops_of(&scene.rig), strings, rods, settings))
 }
 
+/// Maximum twist of the surface, rad.
+fn max_twist_rad(scene: &Scene) -> f64 {
+    let turns = scene.envelope.map_or(0.0, |envelope| envelope.turns[1] + TURNS_BEYOND);
+    twist_from_turns(turns.max(SURFACE_TURNS))
+}
+
 /// The widest surface that the mechanism allows, by the cheapest model that the scene allows: rods at their strain
 /// limit end it early in some scenes, and a cheaper model may not reach beyond the envelope.
 fn surface_for(mechanism: &Mechanism, scene: &Scene, load_n: f64) -> Result<(Surface, Tier), RigError> {
     let envelope_n = scene.envelope.map_or(0.0, |envelope| envelope.load_n[1]);
     let mut max_n = SURFACE_LOAD_N.max(2.5 * load_n).max(2.5 * envelope_n);
+    let max_twist_rad = max_twist_rad(scene);
     let tier = cheapest_tier(mechanism, scene);
     let cheap = |twist_rad: f64, load_n: f64| {
         mechanism.solve_tier(tier, load_n, twist_rad).ok().map(|found| point(&found.equilibrium, twist_rad))
     };
     if tier != Tier::Full
-        && let Ok(surface) = Surface::new(cheap, max_n)
+        && let Ok(surface) = Surface::new(cheap, max_n, max_twist_rad)
     {
         return Ok((surface, tier));
     }
     let exact = |twist_rad: f64, load_n: f64| mechanism.solve(load_n, twist_rad).ok().map(|e| point(&e, twist_rad));
     let surface = loop {
-        match Surface::new(exact, max_n) {
+        match Surface::new(exact, max_n, max_twist_rad) {
             Ok(surface) => break surface,
             Err(error) if max_n < 2.0 * SLACK_LOAD_N => return Err(error.into()),
             Err(_) => max_n *= 0.85,

@@ -14,16 +14,14 @@ use std::f64::consts::PI;
 /// Minimum load of the surface, N; below it the pull falls linearly to zero with the gap.
 pub use tsa_model::SLACK_LOAD_N;
 use tsa_model::STEEPEST_M_PER_RAD;
-/// Maximum twist of the surface: eleven turns past the half-turn pre-twist.
-pub const MAX_TWIST_RAD: f64 = PI + 11.0 * 2.0 * PI;
 /// Cells along ln F.
 const LOAD_CELLS: usize = 48;
 /// Cells below θ = π.
 const OPEN_CELLS: usize = 24;
 /// Last twist of the open strings (rad), where the slope is still theirs.
 const OPEN_END_RAD: f64 = PI * (1.0 - 1e-9);
-/// Cells from θ = π to the last twist.
-const TWISTED_CELLS: usize = 144;
+/// Width of a cell from θ = π to the last twist, at most, rad.
+const TWISTED_CELL_RAD: f64 = 0.48;
 /// Places and weights of Gauss's quadrature with three points over a cell of loads.
 const QUADRATURE: [(f64, f64); 3] =
     [(0.112_701_665_379_258_3, 5.0 / 18.0), (0.5, 8.0 / 18.0), (0.887_298_334_620_741_7, 5.0 / 18.0)];
@@ -96,15 +94,20 @@ pub struct Surface {
 
 impl Surface {
     /// Samples `exact`, the gap at a twist of at least 0 rad and a load in N where there is one, from [`SLACK_LOAD_N`] to
-    /// `max_load_n`.
+    /// `max_load_n` and to `max_twist_rad`.
     ///
     /// # Errors
     /// [`NoSurface`] where the mechanism has no equilibrium.
-    pub fn new(exact: impl Fn(f64, f64) -> Option<GapPoint>, max_load_n: f64) -> Result<Self, NoSurface> {
+    pub fn new(
+        exact: impl Fn(f64, f64) -> Option<GapPoint>,
+        max_load_n: f64,
+        max_twist_rad: f64,
+    ) -> Result<Self, NoSurface> {
         let u_min = SLACK_LOAD_N.ln();
         let u_step = (max_load_n.ln() - u_min) / LOAD_CELLS as f64;
         let loads: Vec<f64> = (0..=LOAD_CELLS).map(|i| (u_min + u_step * i as f64).exp()).collect();
-        let last: Vec<f64> = loads.iter().map(|&load| last_twist(&exact, load)).collect::<Result<_, _>>()?;
+        let last: Vec<f64> =
+            loads.iter().map(|&load| last_twist(&exact, load, max_twist_rad)).collect::<Result<_, _>>()?;
         let slopes = differences(&last, u_step);
         let ends: Vec<_> = last.iter().copied().zip(slopes).collect();
         // Where a greater load ends earlier it is the rods' strain that ends it: no wall for the motor.
@@ -120,7 +123,8 @@ impl Surface {
             let point = sample(loads[i], (PI * x).min(OPEN_END_RAD))?;
             Ok((point.gap_m, PI * point.by_twist_m_per_rad, loads[i] * point.by_load_m_per_n))
         })?;
-        let twisted = Grid::new(TWISTED_CELLS, &loads, u_step, |i, x| {
+        let twisted_cells = ((max_twist_rad - PI) / TWISTED_CELL_RAD).ceil() as usize;
+        let twisted = Grid::new(twisted_cells, &loads, u_step, |i, x| {
             let (end, end_by_u) = ends[i];
             let point = sample(loads[i], PI + (end - PI) * x)?;
             let along = loads[i] * point.by_load_m_per_n + point.by_twist_m_per_rad * x * end_by_u;
@@ -132,7 +136,7 @@ impl Surface {
             Self { u_min, u_step, max_load_n, ends, hard_stops, open, twisted, open_torque, twisted_torque };
         surface.open_torque = surface.torques(OPEN_CELLS, &loads, |_| (0.0, OPEN_END_RAD, 0.0));
         surface.twisted_torque =
-            surface.torques(TWISTED_CELLS, &loads, |i| (PI, surface.ends[i].0 - PI, surface.ends[i].1));
+            surface.torques(twisted_cells, &loads, |i| (PI, surface.ends[i].0 - PI, surface.ends[i].1));
         Ok(surface)
     }
 
@@ -405,16 +409,20 @@ fn differences(values: &[f64], step: f64) -> Vec<f64> {
         .collect()
 }
 
-/// The last twist, at most [`MAX_TWIST_RAD`], up to which every twist has an equilibrium that is not about to run away.
-fn last_twist(exact: &impl Fn(f64, f64) -> Option<GapPoint>, load_n: f64) -> Result<f64, NoSurface> {
+/// The last twist, at most `max_twist_rad`, up to which every twist has an equilibrium that is not about to run away.
+fn last_twist(
+    exact: &impl Fn(f64, f64) -> Option<GapPoint>,
+    load_n: f64,
+    max_twist_rad: f64,
+) -> Result<f64, NoSurface> {
     let exists = |twist: f64| exact(twist, load_n).is_some_and(|point| point.by_twist_m_per_rad >= -STEEPEST_M_PER_RAD);
     let mut low = PI;
     if !exists(low) {
         return Err(NoSurface { load_n, twist_rad: low });
     }
     let mut high = low;
-    while high < MAX_TWIST_RAD {
-        high = (high + 1.0).min(MAX_TWIST_RAD);
+    while high < max_twist_rad {
+        high = (high + 1.0).min(max_twist_rad);
         if !exists(high) {
             break;
         }

@@ -11,7 +11,7 @@ use serde::Serialize;
 
 /// Longest homing (s) on the board's clock, the drive's start-up included: an emulated board behind a serial line may be slower
 /// than this machine's clock.
-const HOMING_S: f64 = 60.0;
+const HOMING_S: f64 = 120.0;
 
 /// How a homing ended.
 #[derive(Clone, Copy, Debug, Serialize)]
@@ -165,8 +165,8 @@ mod tests {
         // 33 s of the board are 82 s of the port.
         let homed = home(&mut Slow::session(Some(33_000_000)), LoadChoice::Auto, |_| {}).expect("it homes");
         assert!((homed.duration_s - 33.0).abs() < 0.05, "{} s", homed.duration_s);
-        let late = home(&mut Slow::session(Some(61_000_000)), LoadChoice::Auto, |_| {}).expect_err("too late");
-        assert!(late.message().is_some_and(|why| why.contains("60 s")));
+        let late = home(&mut Slow::session(Some(121_000_000)), LoadChoice::Auto, |_| {}).expect_err("too late");
+        assert!(late.message().is_some_and(|why| why.contains("120 s")));
     }
 
     #[test]
