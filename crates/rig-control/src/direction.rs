@@ -2,8 +2,8 @@
 //!
 //! With swapped motor leads, or with A and B swapped at the drive's encoder input, the drive's position loop is unstable and
 //! runs away at full speed. So the drive starts in open loop, where nothing can run away, and the first motion is two short
-//! pulses of voltage, one each way. Each rises slowly until one of the encoders has moved; then the motor is shorted, and when
-//! it stands the moves are compared:
+//! pulses of voltage, one each way, as soon as the load hardly turns the shorted motor. Each rises slowly until one of the
+//! encoders has moved; then the motor is shorted again, and when it stands the moves are compared:
 //!
 //! | drive | own | gap | verdict |
 //! |-------|-----|-----|---------|
@@ -62,6 +62,7 @@ pub enum Step {
 pub struct DirectionCheck {
     /// Direction of the present pulse: first +1, then −1.
     sign: i16,
+    /// Of the present pulse; below 0 before the first one.
     ticks: i16,
     /// Ticks since the pulse ended.
     stopped: Option<i16>,
@@ -70,7 +71,7 @@ pub struct DirectionCheck {
 
 impl DirectionCheck {
     /// Nothing has turned yet.
-    pub const NEW: Self = Self { sign: 1, ticks: 0, stopped: None, start: None };
+    pub const NEW: Self = Self { sign: 1, ticks: -RISE_TICKS, stopped: None, start: None };
 
     /// One tick.
     pub fn step(&mut self, now: &Witnesses) -> Step {
@@ -81,6 +82,17 @@ impl DirectionCheck {
             gap_m: now.gap_m - start.gap_m,
         };
         match &mut self.stopped {
+            None if self.ticks < 0 => {
+                // A load may turn the shorted motor, against the voltage and faster than it: the pulse waits until it hardly does.
+                self.ticks += 1;
+                if self.ticks == 0 {
+                    self.start = Some(*now);
+                    if moved.turned() > 0.5 * MEASURED_RAD {
+                        self.ticks = -RISE_TICKS;
+                    }
+                }
+                Step::Voltage(0)
+            }
             None => {
                 self.ticks += 1;
                 if moved.turned() >= MEASURED_RAD || self.ticks > RISE_TICKS {
@@ -96,7 +108,7 @@ impl DirectionCheck {
             Some(_) => match (moved.wrong(), self.sign) {
                 (Some(fault), _) => Step::Wrong(fault),
                 (None, 1) => {
-                    *self = Self { sign: -1, ..Self::NEW };
+                    *self = Self { sign: -1, ticks: 0, ..Self::NEW };
                     Step::Voltage(0)
                 }
                 (None, _) => Step::Proven,
@@ -189,11 +201,34 @@ mod tests {
     fn a_pulse_rises_slowly_ends_when_something_moves_and_is_followed_by_one_the_other_way() {
         let mut check = DirectionCheck::NEW;
         let still = Witnesses { drive_rad: 0.0, own_rad: 0.0, gap_m: 0.09 };
+        assert!((0..RISE_TICKS).all(|_| check.step(&still) == Step::Voltage(0)), "whether the strings stand");
         let rise: [Step; 3] = core::array::from_fn(|_| check.step(&still));
         assert_eq!(rise, [25, 50, 75].map(Step::Voltage));
         let moved = Witnesses { drive_rad: 0.06, own_rad: 0.06, ..still };
         assert!((0..=STOP_TICKS).all(|_| check.step(&moved) == Step::Voltage(0)));
         assert_eq!(check.step(&moved), Step::Voltage(0), "the verdict of the first pulse");
         assert_eq!(check.step(&moved), Step::Voltage(-25));
+    }
+
+    #[test]
+    fn strings_that_a_load_turns_are_waited_for() {
+        // Back to zero twist by 4 rad/s at first, against the first pulse.
+        let (mut check, mut angle, mut ticks) = (DirectionCheck::NEW, 2.0f32, 0.0f32);
+        loop {
+            ticks += 1.0;
+            let now = Witnesses { drive_rad: angle, own_rad: angle, gap_m: 0.09 };
+            match check.step(&now) {
+                Step::Voltage(pwm) => {
+                    angle += (f32::from(pwm) / f32::from(PWM_MAX) * 1.7 - 2.0 * angle) * crate::TICK_S;
+                }
+                step => {
+                    assert_eq!(step, Step::Proven);
+                    // Until they turn by a tenth of a radian per second.
+                    assert!((150.0..300.0).contains(&ticks), "{ticks}");
+                    return;
+                }
+            }
+            assert!(ticks < 1000.0, "no verdict");
+        }
     }
 }

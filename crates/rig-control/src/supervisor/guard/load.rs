@@ -3,6 +3,7 @@
 use super::super::tracking::LoadTracking;
 use super::super::{Controller, lasts};
 use super::{LONG_TICKS, SHORT_TICKS};
+use crate::TICK_S;
 use rig_link::messages::{Limit, State};
 
 /// How far the load may stay behind its set-point (m).
@@ -34,8 +35,10 @@ impl LoadChecks {
             },
         );
         let lags = lasts(&mut self.follow_ticks, off && !comes, SHORT_TICKS);
-        // A load that has changed must be known and brought back.
-        lasts(&mut self.changed_ticks, off, LONG_TICKS) || lags
+        // A load that has changed must be known and brought back: at most the strings' whole way.
+        let table = &rig.table.table().metadata;
+        let way_s = (table.twist_max_rad - table.twist_min_rad) / rig.constants.twist_speed_max();
+        lasts(&mut self.changed_ticks, off, LONG_TICKS + (way_s / TICK_S) as u16) || lags
     }
 
     /// The load is beyond what the table, and so the mechanism, was made for.
