@@ -60,6 +60,8 @@ pub struct PositionLoop {
     moved_load_n: Option<f32>,
     /// The load has been at its set-point, which has not moved away from it since.
     was_there: bool,
+    /// The load is jammed, and the strings do not turn further.
+    pub stopped: bool,
 }
 
 /// Result of one tick.
@@ -97,7 +99,7 @@ impl PositionLoop {
         // The observer knows no friction: a load that sticks is not where it would come to rest.
         let (feedback, stuck_m) = match standing {
             Standing::LeftAlone => {
-                self.compensation = FrictionCompensation::default();
+                (self.compensation, self.stopped) = (FrictionCompensation::default(), false);
                 return LoopOutput { twist_speed_rad_per_s: 0.0, rest_error_m };
             }
             Standing::Beside(stuck_m) => (STUCK_PER_S * stuck_m, stuck_m),
@@ -108,8 +110,8 @@ impl PositionLoop {
         let compensation_rad_per_s = self.compensation.step(set_point, setting_out, stuck_m, load);
         let speed_m_per_s = wanted_speed + jerk / frequency_squared + feedback;
         let twist_speed_rad_per_s = hung.tr_rad_per_m() * speed_m_per_s + compensation_rad_per_s;
-        let further = self.jammed(set_point, load) * twist_speed_rad_per_s > 0.0;
-        LoopOutput { twist_speed_rad_per_s: if further { 0.0 } else { twist_speed_rad_per_s }, rest_error_m }
+        self.stopped = self.jammed(set_point, load) * twist_speed_rad_per_s > 0.0;
+        LoopOutput { twist_speed_rad_per_s: if self.stopped { 0.0 } else { twist_speed_rad_per_s }, rest_error_m }
     }
 
     /// By how much the strings pull a jammed load more than its weight (N); 0 for one that is not jammed.

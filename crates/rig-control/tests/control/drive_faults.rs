@@ -3,7 +3,7 @@
 use crate::bench::{Bench, to};
 use crate::faults::{fault_of, holding, reports, tamper};
 use crate::fixture::constants;
-use rig_control::{DriveCommand, DriveReading, Inputs, TICK_US};
+use rig_control::{DriveCommand, DriveReading, Inputs, RigConstants, TICK_US};
 use rig_link::messages::{Accepted, EventKind, Fault, LoadChoice, Refusal, Request, State};
 use std::f32::consts::TAU;
 
@@ -188,6 +188,32 @@ fn a_set_point_that_turns_while_neither_count_does_is_let_go_before_the_drive_ha
         assert_eq!((fault, ticks < 38), (expected, expected == Fault::MotorStill), "after {ticks} ticks");
         let let_go = bench.command == DriveCommand::LetGo;
         assert_eq!(let_go, expected == Fault::MotorStill, "{:?}", bench.command);
+    }
+}
+
+/// A drive turns its motor by the motor's angle from its target, whatever the gear.
+#[test]
+fn a_motor_behind_a_low_gear_has_as_far_to_go_before_it_counts_as_unseen() {
+    // 3.1 rad of the motor at 0.5 rad/s of the strings, a quarter of a second, and 80 ms.
+    for (gear_ratio, expected) in [(62.0, 42..46), (19.0, 64..69)] {
+        let scale = gear_ratio / constants().gear_ratio;
+        let counts_per_rad = scale * constants().counts_per_rad;
+        let geared = RigConstants { gear_ratio, counts_per_rad, ..constants() };
+        let mut bench = Bench::of(geared, 5.0, 0.01, 9.0);
+        bench.home();
+        let own = (bench.sensors.as_ref().expect("sensors").shaft_rad * counts_per_rad) as i64;
+        bench.begin(Request::Jog { twist_speed_rad_per_s: 0.5 });
+        bench.tamper = tamper(move |inputs| {
+            if let DriveReading::Reports { position_qc, speed_rpm, current_ma, .. } = &mut inputs.drive {
+                *position_qc += (own - inputs.encoder_counts) as i32;
+                (inputs.encoder_counts, *speed_rpm, *current_ma) = (own, 0, 0);
+            }
+        });
+        let (ticks, fault) = bench.ticks_until_fault(200).expect("a fault");
+        assert!(
+            fault == Fault::MotorStill && expected.contains(&ticks),
+            "{fault} after {ticks} ticks at {gear_ratio}:1"
+        );
     }
 }
 

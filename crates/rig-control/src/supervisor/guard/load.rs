@@ -1,6 +1,5 @@
 //! The load: whether it follows its set-point, and whether the table covers it.
 
-use super::super::tracking::LoadTracking;
 use super::super::{Controller, lasts};
 use super::{LONG_TICKS, SHORT_TICKS};
 use crate::TICK_S;
@@ -26,15 +25,8 @@ impl LoadChecks {
         let behind_m =
             controlled.map_or(0.0, |(control, tracking)| control.planner.set_point_m() - tracking.position_m);
         let off = !at_end && behind_m.abs() > FOLLOW_M;
-        // A load that has changed swings, then it comes back as fast as the motor can; meanwhile the strings may have to take up
-        // friction, of which stiction is one and a half times as much. One that is jammed does none of that.
-        let comes = rig.tracking.as_ref().and_then(|tracking| Some((tracking, tracking.observation?))).is_some_and(
-            |(LoadTracking { observer, homed, .. }, o)| {
-                let moves = o.moved_m > 0.0 && (o.changing || observer.direction * behind_m > 0.0);
-                moves || (o.pull_n - observer.load_n()).abs() < 1.5 * homed.found.friction_n
-            },
-        );
-        let lags = lasts(&mut self.follow_ticks, off && !comes, SHORT_TICKS);
+        let jammed = controlled.is_some_and(|(control, _)| control.position_loop.stopped);
+        let lags = lasts(&mut self.follow_ticks, off && jammed, SHORT_TICKS);
         // A load that has changed must be known and brought back: at most the strings' whole way.
         let table = &rig.table.table().metadata;
         let way_s = (table.twist_max_rad - table.twist_min_rad) / rig.constants.twist_speed_max();

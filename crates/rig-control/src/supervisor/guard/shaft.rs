@@ -15,9 +15,9 @@ use rig_link::messages::State;
 /// that is stopped from a fast move of the emulated rig; and how far besides while it turns (s of its speed).
 const LAG_RAD: f32 = 0.8;
 pub(in crate::supervisor) const LAG_S: f32 = 0.25;
-/// Neither encoder input sees the shaft if both counts stay within the first of these (rad) while they are off the set-point by more
-/// than the second, at which a healthy drive turns its motor at once.
-const UNSEEN_RAD: [f32; 2] = [0.02, 0.05];
+/// Neither encoder input sees the shaft if both counts stay within the first of these (rad of the motor) while they are off the
+/// set-point by more than the second, at which a healthy drive turns its motor at once.
+const UNSEEN_MOTOR_RAD: [f32; 2] = [1.2, 3.1];
 /// A blocked motor draws more than this fraction of the current limit. A motor that turns unseen draws it only while it accelerates.
 const BLOCKED_CURRENT: f32 = 0.5;
 /// Fraction of the motor's maximum speed above which a voltage shows that the motor turns.
@@ -104,7 +104,7 @@ impl ShaftChecks {
         let DriveReading::Reports { t_us, position_qc, current_ma, .. } = inputs.drive else { return false };
         let counts = [inputs.encoder_counts, position_qc.into()];
         let last_seen = *self.last_seen.get_or_insert(counts);
-        let [still_rad, off_rad] = UNSEEN_RAD;
+        let [still_rad, off_rad] = UNSEEN_MOTOR_RAD.map(|motor_rad| motor_rad / rig.constants.gear_ratio);
         let still_counts = whole_counts(still_rad * rig.constants.counts_per_rad.abs());
         let moved = counts.iter().zip(last_seen).any(|(now, then)| (now - then).abs() > still_counts);
         if moved {
