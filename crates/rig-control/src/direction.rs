@@ -67,11 +67,14 @@ pub struct DirectionCheck {
     /// Ticks since the pulse ended.
     stopped: Option<i16>,
     start: Option<Witnesses>,
+    /// How far each witness has moved at most since the start, in the direction of the pulse: a load may turn the shorted motor back
+    /// before the drive has reported it.
+    farthest: Witnesses,
 }
 
 impl DirectionCheck {
     /// Nothing has turned yet.
-    pub const NEW: Self = Self { sign: 1, ticks: -RISE_TICKS, stopped: None, start: None };
+    pub const NEW: Self = Self { sign: 1, ticks: -RISE_TICKS, stopped: None, start: None, farthest: Witnesses::NONE };
 
     /// One tick.
     pub fn step(&mut self, now: &Witnesses) -> Step {
@@ -81,13 +84,14 @@ impl DirectionCheck {
             own_rad: f32::from(self.sign) * (now.own_rad - start.own_rad),
             gap_m: now.gap_m - start.gap_m,
         };
+        self.farthest = self.farthest.or_farther(&moved);
         match &mut self.stopped {
             None if self.ticks < 0 => {
                 // A load may turn the shorted motor against the voltage and faster than that. Where it turns the strings by half a radian
                 // per second, the voltage turns them the other way before they have come far enough for a verdict.
                 self.ticks += 1;
                 if self.ticks == 0 {
-                    self.start = Some(*now);
+                    (self.start, self.farthest) = (Some(*now), Witnesses::NONE);
                     if moved.turned() > 2.0 * MEASURED_RAD {
                         self.ticks = -RISE_TICKS;
                     }
@@ -106,7 +110,7 @@ impl DirectionCheck {
                 *ticks += 1;
                 Step::Voltage(0)
             }
-            Some(_) => match (moved.wrong(), self.sign) {
+            Some(_) => match (self.farthest.wrong(), self.sign) {
                 (Some(fault), _) => Step::Wrong(fault),
                 (None, 1) => {
                     *self = Self { sign: -1, ticks: 0, ..Self::NEW };
@@ -119,6 +123,19 @@ impl DirectionCheck {
 }
 
 impl Witnesses {
+    /// Nothing has moved.
+    const NONE: Self = Self { drive_rad: 0.0, own_rad: 0.0, gap_m: 0.0 };
+
+    /// Each of these moves, or another that is farther.
+    fn or_farther(&self, other: &Self) -> Self {
+        let farther = |one: f32, other: f32| if other.abs() > one.abs() { other } else { one };
+        Self {
+            drive_rad: farther(self.drive_rad, other.drive_rad),
+            own_rad: farther(self.own_rad, other.own_rad),
+            gap_m: farther(self.gap_m, other.gap_m),
+        }
+    }
+
     /// The readings of a tick.
     pub fn new(constants: &RigConstants, drive_counts: i64, own_counts: i64, gap_m: f32) -> Self {
         let rad = |counts| crate::angle_rad(counts, constants.counts_per_rad.abs());
@@ -212,24 +229,27 @@ mod tests {
     }
 
     #[test]
-    fn strings_that_a_load_turns_are_waited_for() {
-        // Back to zero twist by 4 rad/s at first, against the first pulse.
-        let (mut check, mut angle, mut ticks) = (DirectionCheck::NEW, 2.0f32, 0.0f32);
-        loop {
-            ticks += 1.0;
-            let now = Witnesses { drive_rad: angle, own_rad: angle, gap_m: 0.09 };
-            match check.step(&now) {
-                Step::Voltage(pwm) => {
-                    angle += (f32::from(pwm) / f32::from(PWM_MAX) * 1.7 - 2.0 * angle) * crate::TICK_S;
-                }
-                step => {
-                    assert_eq!(step, Step::Proven);
-                    // Until they turn by half a radian per second.
-                    assert!((100.0..250.0).contains(&ticks), "{ticks}");
-                    return;
+    fn strings_that_a_load_turns_back_are_waited_for_and_prove_the_directions_all_the_same() {
+        // Slowly, and so fast that they are almost back when the drive has reported how far the first pulse came.
+        for back_per_s in [2.0, 12.0] {
+            let (mut check, mut angle, mut reported, mut waited) = (DirectionCheck::NEW, 2.0f32, 2.0f32, 0u16);
+            loop {
+                let now = Witnesses { drive_rad: reported, own_rad: angle, gap_m: 0.09 };
+                reported = angle;
+                match check.step(&now) {
+                    Step::Voltage(pwm) => {
+                        waited += u16::from(pwm == 0);
+                        let turns = 3.4 * f32::from(pwm) / f32::from(PWM_MAX);
+                        angle += (turns - back_per_s * angle) * crate::TICK_S;
+                    }
+                    step => {
+                        assert_eq!(step, Step::Proven, "{back_per_s} per second after {waited} ticks");
+                        // Until they turn by half a radian per second.
+                        assert!((40..250).contains(&waited), "{waited}");
+                        break;
+                    }
                 }
             }
-            assert!(ticks < 1000.0, "no verdict");
         }
     }
 }

@@ -12,25 +12,31 @@ use std::f32::consts::PI;
 use tsa_table::Table;
 use tsa_table::fit::OwnedTable;
 
+/// A scene of the project, with its table for good.
+fn scene(name: &str) -> (Scene, &'static Table<'static>) {
+    let scene = Scene::load(root().join(format!("scenes/{name}.toml"))).expect("a scene");
+    let owned: &OwnedTable = Box::leak(Box::new(scene.fit_table().expect("a table").table));
+    (scene, Box::leak(Box::new(owned.table())))
+}
+
+/// A rig that has just been switched on, with a load (N) at a twist (rad).
+fn rig(scene: &Scene, table: &'static Table<'static>, load_n: f64, twist_at_boot_rad: f64) -> ControlBench {
+    let settings = PlantSettings { load_n, twist_at_boot_rad, ..PlantSettings::default() };
+    let rig = EmulatedRig::new(scene, settings, 7).expect("a rig");
+    ControlBench::on(rig, Controller::new(table, scene.constants(), None))
+}
+
 /// Homes from almost the last turn, and moves there and back, under a light and a heavy load.
 #[test]
 fn every_scene_is_homed_from_its_last_turn_and_moves_back_there() {
     for name in ["demonstration", "finger", "long-string", "niti-plateau"] {
-        let scene = Scene::load(root().join(format!("scenes/{name}.toml"))).expect("a scene");
-        let owned: &OwnedTable = Box::leak(Box::new(scene.fit_table().expect("a table").table));
-        let table: &Table<'_> = Box::leak(Box::new(owned.table()));
+        let (scene, table) = scene(name);
         let m = table.metadata;
         for (part, sign) in [(0.1, -1.0), (0.9, 1.0)] {
             let load_n = m.load_min_n * (m.load_max_n / m.load_min_n).powf(part);
             let mechanism = Mechanism { table: *table, twist_scale: 1.0, curve: GapCurve::constant(0.0) };
             let [low_m, high_m] = [PI, m.twist_max_rad].map(|twist_rad| mechanism.at(load_n, twist_rad).gap_m);
-            let settings = PlantSettings {
-                load_n: load_n.into(),
-                twist_at_boot_rad: sign * 0.95 * f64::from(m.twist_max_rad),
-                ..PlantSettings::default()
-            };
-            let rig = EmulatedRig::new(&scene, settings, 7).expect("a rig");
-            let mut d = ControlBench::on(rig, Controller::new(table, scene.constants(), None));
+            let mut d = rig(&scene, table, load_n.into(), sign * 0.95 * f64::from(m.twist_max_rad));
             d.home().unwrap_or_else(|e| panic!("{name} under {load_n} N: {e}"));
             for part in [0.95, 0.05] {
                 let target_m = part * (low_m - high_m);
@@ -43,4 +49,28 @@ fn every_scene_is_homed_from_its_last_turn_and_moves_back_there() {
             }
         }
     }
+}
+
+/// A load turns the shorted motor back, by more than the first pulse of voltage turns it on, or before the drive has reported that.
+#[test]
+fn strings_that_turn_a_low_gear_back_are_no_wrong_wire() {
+    for (gear, load_n, twist_rad) in [(8, 17.5, 2.0), (12, 10.0, 2.0), (15, 10.0, 6.0), (19, 15.0, 6.0)] {
+        let mut scene = host_tests::scene().clone();
+        scene.rig.gear_ratio = [gear, 1];
+        let homed = rig(&scene, host_tests::table(), load_n, twist_rad).home();
+        homed.unwrap_or_else(|e| panic!("{gear}:1 under {load_n} N: {e}"));
+    }
+}
+
+/// Strings that let go of a load which has become too light for its place take longer than 3 s for their whole way.
+#[test]
+fn a_load_that_is_suddenly_too_light_for_its_place_is_let_go_as_far_as_a_high_gear_takes() {
+    let (mut scene, table) = scene("long-string");
+    scene.rig.gear_ratio = [103, 1];
+    let mut d = rig(&scene, table, 12.0, 6.0);
+    d.home().expect("it homes");
+    d.move_to(0.01, 0.01, LoadChoice::Auto).expect("it moves");
+    d.rig.set_plant("load", "2N").expect("a load");
+    d.run(15.0);
+    assert_eq!(d.control.fault(), None);
 }
