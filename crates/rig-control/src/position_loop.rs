@@ -64,18 +64,9 @@ pub struct PositionLoop {
     pub stopped: bool,
 }
 
-/// Result of one tick.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LoopOutput {
-    /// Twist speed (rad/s).
-    pub twist_speed_rad_per_s: f32,
-    /// Set-point less the place at which the load would come to rest (m).
-    pub rest_error_m: f32,
-}
-
 impl PositionLoop {
-    /// One tick. `setting_out`: the set-point of a move waits for friction to be taken up.
-    pub fn step(&mut self, set_point: &SetPoint, setting_out: bool, load: &LoadState<'_>) -> LoopOutput {
+    /// One tick: twist speed (rad/s). `setting_out`: the set-point of a move waits for friction to be taken up.
+    pub fn step(&mut self, set_point: &SetPoint, setting_out: bool, load: &LoadState<'_>) -> f32 {
         let motion = &load.motion;
         let frequency_squared = motion.frequency_squared();
         let frequency = libm::sqrtf(frequency_squared);
@@ -100,7 +91,7 @@ impl PositionLoop {
         let (feedback, stuck_m) = match standing {
             Standing::LeftAlone => {
                 (self.compensation, self.stopped) = (FrictionCompensation::default(), false);
-                return LoopOutput { twist_speed_rad_per_s: 0.0, rest_error_m };
+                return 0.0;
             }
             Standing::Beside(stuck_m) => (STUCK_PER_S * stuck_m, stuck_m),
             // Neither is one that waits for its friction to be taken up.
@@ -111,7 +102,7 @@ impl PositionLoop {
         let speed_m_per_s = wanted_speed + jerk / frequency_squared + feedback;
         let twist_speed_rad_per_s = hung.tr_rad_per_m() * speed_m_per_s + compensation_rad_per_s;
         self.stopped = self.jammed(set_point, load) * twist_speed_rad_per_s > 0.0;
-        LoopOutput { twist_speed_rad_per_s: if self.stopped { 0.0 } else { twist_speed_rad_per_s }, rest_error_m }
+        if self.stopped { 0.0 } else { twist_speed_rad_per_s }
     }
 
     /// By how much the strings pull a jammed load more than its weight (N); 0 for one that is not jammed.

@@ -9,15 +9,9 @@ use crate::limits::Limits;
 use crate::load_motion::AHEAD_S;
 use crate::load_state::LoadState;
 use crate::planner::{Planner, SetPoint};
-use crate::position_loop::{LoopOutput, PositionLoop};
+use crate::position_loop::PositionLoop;
 use crate::sensors::LVDT_COUNT_M;
 use rig_link::messages::{EventKind, Limit};
-
-/// A set-point waits for strings that are behind it, because the load has changed while they turn as fast as they can: from the first
-/// distance (m) on it is slower, and from the second on it has the smallest fraction of the motor's speed. It never stands, so that
-/// a load which is jammed becomes a following error.
-const BEHIND_M: [f32; 2] = [0.5e-3, 1.5e-3];
-const MIN_FRACTION: f32 = 0.05;
 
 /// Set-point of the load, and the loop that keeps the load there.
 #[derive(Clone, Copy, Debug, Default)]
@@ -37,8 +31,8 @@ impl LoadControl {
         self.planner = Planner::at(self.planner.set_point_m() + higher_m);
     }
 
-    /// One tick at the target.
-    pub(super) fn hold(&mut self, load: &LoadState<'_>) -> LoopOutput {
+    /// One tick at the target: twist speed (rad/s).
+    pub(super) fn hold(&mut self, load: &LoadState<'_>) -> f32 {
         self.position_loop.step(&SetPoint::at(self.planner.set_point_m()), false, load)
     }
 }
@@ -50,8 +44,6 @@ pub(super) struct Move {
     speed_m_per_s: f32,
     /// Those of the last tick.
     limits: Option<Limits>,
-    /// Set-point less the load's place of rest in the last tick (m).
-    rest_error_m: f32,
     pub(super) stopping: bool,
     /// Time until the set-point is at its target, friction compensation aside (s); `None` before the first tick and in a stop.
     run_s: Option<f32>,
@@ -59,12 +51,6 @@ pub(super) struct Move {
     /// end of their travel.
     rest_ticks: u16,
     near_ticks: u16,
-}
-
-/// Fraction of the motor's speed that a set-point may have while the load's place of rest is behind it by so much (m).
-fn speed_fraction(behind_m: f32) -> f32 {
-    let [slower_m, min_m] = BEHIND_M;
-    (1.0 - (behind_m - slower_m) / (min_m - slower_m)).clamp(MIN_FRACTION, 1.0)
 }
 
 impl Move {
@@ -104,17 +90,14 @@ impl Move {
         self.run_s.map(|run_s| wait_s + run_s)
     }
 
-    /// One tick: what the loop turns, what holds the load back, and whether the set-point is at its target.
-    pub(super) fn step(&mut self, load: &LoadState<'_>) -> (LoopOutput, Option<Limit>, bool) {
+    /// One tick: twist speed (rad/s), what holds the load back, and whether the set-point is at its target.
+    pub(super) fn step(&mut self, load: &LoadState<'_>) -> (f32, Option<Limit>, bool) {
         let Self { control, speed_m_per_s, .. } = self;
         let (here, pull_n) = (load.observation.point, load.observation.pull_n);
         let (limits, limit) = Limits::for_motor(*speed_m_per_s, &here, pull_n, load.rig);
         let stopping_rad = here.tr_rad_per_m() * limits.stopping_m(control.planner.speed_m_per_s());
         let rest = load.mechanism.at(pull_n, load.twist_rad + stopping_rad);
         let limits = limits.braking_into(&Limits::for_motor(*speed_m_per_s, &rest, pull_n, load.rig).0);
-        let way = libm::copysignf(1.0, control.planner.target_m - control.planner.set_point_m());
-        let max_m_per_s = speed_fraction(way * self.rest_error_m) * load.rig.twist_speed_max() / here.tr_rad_per_m();
-        let limits = Limits { speed: limits.speed.min(max_m_per_s), ..limits };
         self.limits = Some(limits);
         // Until the strings have taken up friction the load cannot move: the set-point waits for it.
         let waiting = control.position_loop.compensation.waiting;
@@ -125,8 +108,7 @@ impl Move {
             }
         }
         let set_point = if waiting { control.planner.wait() } else { control.planner.step(&limits) };
-        let output = control.position_loop.step(&set_point, waiting, load);
-        self.rest_error_m = output.rest_error_m;
+        let twist_speed_rad_per_s = control.position_loop.step(&set_point, waiting, load);
         if waiting && !control.position_loop.compensation.waiting {
             // The load has broken loose, and may have jumped.
             control.planner.set_out_from(load.position_m);
@@ -135,7 +117,7 @@ impl Move {
         if self.stopping && (waiting || set_point.done) {
             *control = LoadControl::at(load.position_m);
         }
-        (output, limit, set_point.done)
+        (twist_speed_rad_per_s, limit, set_point.done)
     }
 
     /// One tick with the set-point at its target: whether the move is over. It may end where the strings' travel ends; the
@@ -184,19 +166,19 @@ impl Controller {
             found: &tracking.homed.found,
             rig: &rig,
         };
-        let (output, limit, planned) = match &mut self.mode {
+        let (twist_speed_rad_per_s, limit, planned) = match &mut self.mode {
             Mode::Moving(planned) => {
-                let (output, limit, arrived) = planned.step(&load);
-                (output, limit, Some((planned, arrived)))
+                let (twist_speed_rad_per_s, limit, arrived) = planned.step(&load);
+                (twist_speed_rad_per_s, limit, Some((planned, arrived)))
             }
             Mode::Streaming(stream) => {
-                let (output, limit) = stream.step(&load);
-                (output, limit, None)
+                let (twist_speed_rad_per_s, limit) = stream.step(&load);
+                (twist_speed_rad_per_s, limit, None)
             }
             Mode::Holding(control) => (control.hold(&load), None, None),
             _ => return None,
         };
-        let (shaft, at_end) = load.turned(self.shaft, tracking.homed.zero_rad, output.twist_speed_rad_per_s);
+        let (shaft, at_end) = load.turned(self.shaft, tracking.homed.zero_rad, twist_speed_rad_per_s);
         self.shaft = shaft;
         let limit = at_end.then_some(Limit::Travel).or(limit);
         let Some((planned, arrived)) = planned else { return limit };
@@ -209,19 +191,5 @@ impl Controller {
             self.mode = Mode::Holding(planned.control);
         }
         limit
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_set_point_is_slower_the_farther_the_strings_are_behind() {
-        for (behind_m, fraction) in
-            [(-5e-3, 1.0), (0.0, 1.0), (0.5e-3, 1.0), (1e-3, 0.5), (1.4e-3, 0.1), (3e-3, MIN_FRACTION)]
-        {
-            assert!((speed_fraction(behind_m) - fraction).abs() < 1e-5, "{behind_m}");
-        }
     }
 }

@@ -4,7 +4,6 @@ use super::load_control::{LoadControl, Move};
 use crate::limits::Limits;
 use crate::load_state::LoadState;
 use crate::planner::Motion;
-use crate::position_loop::LoopOutput;
 use crate::{RigConstants, TICK_S};
 use rig_link::messages::{Limit, StreamEnd};
 
@@ -105,19 +104,19 @@ impl Stream {
         target.acceleration += change;
     }
 
-    /// One tick: what the loop turns, and what holds the load back.
-    pub(super) fn step(&mut self, load: &LoadState<'_>) -> (LoopOutput, Option<Limit>) {
+    /// One tick: twist speed (rad/s), and what holds the load back.
+    pub(super) fn step(&mut self, load: &LoadState<'_>) -> (f32, Option<Limit>) {
         self.advance();
         let observation = &load.observation;
         let (limits, _) = Limits::for_motor(self.speed_max_m_per_s, &observation.point, observation.pull_n, load.rig);
         self.limits = Some(limits);
         let (set_point, held_back) = self.control.planner.follow(&self.target, &limits);
-        let output = self.control.position_loop.step(&set_point, false, load);
+        let twist_speed_rad_per_s = self.control.position_loop.step(&set_point, false, load);
         if observation.moved_m > 0.0 {
             self.moved_at_m = set_point.motion.position;
         }
         let sticks = (set_point.motion.position - self.moved_at_m).abs() > load.moved_m();
-        (output, held_back.then_some(Limit::MotorSpeed).or(sticks.then_some(Limit::Friction)))
+        (twist_speed_rad_per_s, held_back.then_some(Limit::MotorSpeed).or(sticks.then_some(Limit::Friction)))
     }
 }
 
