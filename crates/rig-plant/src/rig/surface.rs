@@ -123,7 +123,8 @@ impl Surface {
             let point = sample(loads[i], (PI * x).min(OPEN_END_RAD))?;
             Ok((point.gap_m, PI * point.by_twist_m_per_rad, loads[i] * point.by_load_m_per_n))
         })?;
-        let twisted_cells = ((max_twist_rad - PI) / TWISTED_CELL_RAD).ceil() as usize;
+        let last_rad = last.iter().copied().fold(PI, f64::max);
+        let twisted_cells = ((last_rad - PI) / TWISTED_CELL_RAD).ceil() as usize;
         let twisted = Grid::new(twisted_cells, &loads, u_step, |i, x| {
             let (end, end_by_u) = ends[i];
             let point = sample(loads[i], PI + (end - PI) * x)?;

@@ -30,7 +30,7 @@ impl LoadChecks {
         // A load that has changed must be known and brought back: at most the strings' whole way.
         let table = &rig.table.table().metadata;
         let way_s = (table.twist_max_rad - table.twist_min_rad) / rig.constants.twist_speed_max();
-        lasts(&mut self.changed_ticks, off, LONG_TICKS + (way_s / TICK_S) as u16) || lags
+        lasts(&mut self.changed_ticks, off, LONG_TICKS.saturating_add((way_s / TICK_S) as u16)) || lags
     }
 
     /// The load is beyond what the table, and so the mechanism, was made for.
