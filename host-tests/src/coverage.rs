@@ -205,8 +205,9 @@ fn table(all: &[Tried]) -> Study {
         }
         if !why.is_empty() {
             // With its numbers each reason would be one of its own.
-            let what = why.split(|c: char| c.is_ascii_digit()).next().unwrap_or_default();
-            *reasons.entry(what.trim_end_matches([' ', '-']).to_owned()).or_default() += 1;
+            let parts: Vec<&str> =
+                why.split(|c: char| c.is_ascii_digit() || c == '.').filter(|part| !part.is_empty()).collect();
+            *reasons.entry(parts.join("…").replace("-…", "…")).or_default() += 1;
         }
     }
     let head = ["rig", "load", "looked at", "load held by its error", "stated; true, % of the load"];
@@ -320,7 +321,7 @@ mod tests {
             known: Known::AsBuilt,
             trial,
             stated: vec![stated(Moment::Homed, 5.0, 5.4, 0.5, ""), stated(Moment::Changed, 12.0, 13.0, 0.5, "")],
-            why: "move to -4.0 mm: refused".into(),
+            why: "move to -4.0 mm: fault lvdt-jump on the way".into(),
         }];
         let study = table(&all);
         assert_eq!(study.table.len(), 3);
@@ -332,7 +333,7 @@ mod tests {
             "{}",
             study.notes[1]
         );
-        assert!(study.notes[2].contains("1 at \"move to\""), "{}", study.notes[2]);
+        assert!(study.notes[2].contains("1 at \"move to … mm: fault lvdt-jump on the way\""), "{}", study.notes[2]);
     }
 
     #[test]
