@@ -9,7 +9,7 @@ const KINDS: [&str; 5] = ["derived", "sheet", "limit", "tuned", "layout"];
 const NUMBERS: [&str; 9] = ["f32", "u8", "u16", "u32", "u64", "i16", "i32", "i64", "usize"];
 /// No more than these; a change that needs fewer lowers them.
 const MOST: usize = 117;
-const MOST_TUNED: usize = 25;
+const MOST_TUNED: usize = 24;
 
 /// File and name of each constant that is a number, in a folder of sources and below, without those of tests.
 fn declared(root: &Path, folder: &Path, found: &mut BTreeSet<(String, String)>) {

@@ -11,8 +11,8 @@ const FOLLOW_M: f32 = 2e-3;
 /// What the load's checks remember. Both are made only while the load is controlled: at rest weights are changed.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct LoadChecks {
-    follow_ticks: u16,
-    changed_ticks: u16,
+    jammed_ticks: u16,
+    off_ticks: u16,
     range_ticks: u16,
 }
 
@@ -26,11 +26,11 @@ impl LoadChecks {
             controlled.map_or(0.0, |(control, tracking)| control.planner.set_point_m() - tracking.position_m);
         let off = !at_end && behind_m.abs() > FOLLOW_M;
         let jammed = controlled.is_some_and(|(control, _)| control.position_loop.stopped);
-        let lags = lasts(&mut self.follow_ticks, off && jammed, SHORT_TICKS);
+        let lags = lasts(&mut self.jammed_ticks, off && jammed, SHORT_TICKS);
         // A load that has changed must be known and brought back: at most the strings' whole way.
         let table = &rig.table.table().metadata;
         let way_s = (table.twist_max_rad - table.twist_min_rad) / rig.constants.twist_speed_max();
-        lasts(&mut self.changed_ticks, off, LONG_TICKS.saturating_add((way_s / TICK_S) as u16)) || lags
+        lasts(&mut self.off_ticks, off, LONG_TICKS.saturating_add((way_s / TICK_S) as u16)) || lags
     }
 
     /// The load is beyond what the table, and so the mechanism, was made for.
