@@ -3,7 +3,8 @@
 //! With swapped motor leads, or with A and B swapped at the drive's encoder input, the drive's position loop is unstable and
 //! runs away at full speed. So the drive starts in open loop, where nothing can run away, and the first motion is two short
 //! pulses of voltage, one each way, as soon as the load hardly turns the shorted motor. Each rises slowly until one of the
-//! encoders has moved; then the motor is shorted again, and when it stands the moves are compared:
+//! encoders has moved; then the motor is shorted again, and when the drive has reported that, the counts' farthest moves are
+//! compared:
 //!
 //! | drive | own | gap | verdict |
 //! |-------|-----|-----|---------|
@@ -27,6 +28,9 @@ use rig_link::messages::Fault;
 const PWM_MAX: i16 = 500;
 /// Ticks in which the voltage rises to [`PWM_MAX`].
 const RISE_TICKS: i16 = 20;
+/// Ticks for which the first pulse waits at most, a multiple of [`RISE_TICKS`]. A shaft that turns for longer, or an encoder that
+/// counts by itself, gets its verdict by the pulses.
+const WAIT_TICKS: i16 = 500;
 /// Turn (rad of the strings) that ends a pulse: many times the play of an encoder's edges, and too little to be felt.
 const MEASURED_RAD: f32 = 0.05;
 /// Ticks for the shorted motor to stop (J R / k² is 2.3 ms for the default one), and for the drive to report it.
@@ -67,14 +71,14 @@ pub struct DirectionCheck {
     /// Ticks since the pulse ended.
     stopped: Option<i16>,
     start: Option<Witnesses>,
-    /// How far each witness has moved at most since the start, in the direction of the pulse: a load may turn the shorted motor back
-    /// before the drive has reported it.
+    /// How far each count has come at most since the start, in the direction of the pulse, because a load may turn the shorted motor
+    /// back before the drive has reported it; and how far the gap has come now.
     farthest: Witnesses,
 }
 
 impl DirectionCheck {
     /// Nothing has turned yet.
-    pub const NEW: Self = Self { sign: 1, ticks: -RISE_TICKS, stopped: None, start: None, farthest: Witnesses::NONE };
+    pub const NEW: Self = Self { sign: 1, ticks: -WAIT_TICKS, stopped: None, start: None, farthest: Witnesses::NONE };
 
     /// One tick.
     pub fn step(&mut self, now: &Witnesses) -> Step {
@@ -90,10 +94,10 @@ impl DirectionCheck {
                 // A load may turn the shorted motor against the voltage and faster than that. Where it turns the strings by half a radian
                 // per second, the voltage turns them the other way before they have come far enough for a verdict.
                 self.ticks += 1;
-                if self.ticks == 0 {
+                if self.ticks % RISE_TICKS == 0 {
                     (self.start, self.farthest) = (Some(*now), Witnesses::NONE);
-                    if moved.turned() > 2.0 * MEASURED_RAD {
-                        self.ticks = -RISE_TICKS;
+                    if moved.turned() < 2.0 * MEASURED_RAD {
+                        self.ticks = 0;
                     }
                 }
                 Step::Voltage(0)
@@ -126,14 +130,11 @@ impl Witnesses {
     /// Nothing has moved.
     const NONE: Self = Self { drive_rad: 0.0, own_rad: 0.0, gap_m: 0.0 };
 
-    /// Each of these moves, or another that is farther.
-    fn or_farther(&self, other: &Self) -> Self {
-        let farther = |one: f32, other: f32| if other.abs() > one.abs() { other } else { one };
-        Self {
-            drive_rad: farther(self.drive_rad, other.drive_rad),
-            own_rad: farther(self.own_rad, other.own_rad),
-            gap_m: farther(self.gap_m, other.gap_m),
-        }
+    /// The counts of these moves or of later ones, whichever have come farther, and the later gap.
+    fn or_farther(&self, later: &Self) -> Self {
+        let farther = |one: f32, later: f32| if later.abs() > one.abs() { later } else { one };
+        let drive_rad = farther(self.drive_rad, later.drive_rad);
+        Self { drive_rad, own_rad: farther(self.own_rad, later.own_rad), gap_m: later.gap_m }
     }
 
     /// The readings of a tick.
@@ -251,5 +252,22 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn an_encoder_that_counts_by_itself_gets_its_verdict() {
+        let mut check = DirectionCheck::NEW;
+        let counts = |tick: i16| Witnesses { drive_rad: 0.0, own_rad: 0.01 * f32::from(tick), gap_m: 0.09 };
+        let found = (0..600).map(|tick| check.step(&counts(tick))).find(|step| !matches!(step, Step::Voltage(_)));
+        assert_eq!(found, Some(Step::Wrong(Fault::DriveEncoder)));
+    }
+
+    #[test]
+    fn a_gap_that_jumps_by_noise_on_the_way_is_no_motion() {
+        let mut check = DirectionCheck::NEW;
+        let noise_m = |tick: i16| if tick % 4 == 1 { 2.0 * LVDT_COUNT_M } else { 0.0 };
+        let still = |tick: i16| Witnesses { drive_rad: 0.0, own_rad: 0.0, gap_m: 0.09 + noise_m(tick) };
+        let found = (0..100).map(|tick| check.step(&still(tick))).find(|step| !matches!(step, Step::Voltage(_)));
+        assert_eq!(found, Some(Step::Wrong(Fault::MotorStill)));
     }
 }

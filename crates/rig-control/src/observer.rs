@@ -79,7 +79,7 @@ pub struct LoadObserver {
     /// because the pull is then at an end of the band.
     band: f32,
     /// +1 after the load has moved up, −1 down.
-    pub direction: f32,
+    direction: f32,
     /// The gap, which follows measured ones only as far as they differ by more than noise (m).
     noise_free_gap_m: Option<f32>,
     quiet_ticks: u16,

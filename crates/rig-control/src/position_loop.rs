@@ -90,7 +90,7 @@ impl PositionLoop {
         // The observer knows no friction: a load that sticks is not where it would come to rest.
         let (feedback, stuck_m) = match standing {
             Standing::LeftAlone => {
-                (self.compensation, self.stopped) = (FrictionCompensation::default(), false);
+                self.compensation = FrictionCompensation::default();
                 return 0.0;
             }
             Standing::Beside(stuck_m) => (STUCK_PER_S * stuck_m, stuck_m),
