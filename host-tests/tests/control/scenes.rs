@@ -6,15 +6,18 @@ use rig_control::Controller;
 use rig_control::mechanism::Mechanism;
 use rig_link::gap_curve::GapCurve;
 use rig_link::messages::LoadChoice;
-use rig_plant::PlantSettings;
 use rig_plant::rig::EmulatedRig;
+use rig_plant::{PlantSettings, RigPreset};
 use std::f32::consts::PI;
 use tsa_table::Table;
 use tsa_table::fit::OwnedTable;
 
 /// A scene of the project, with its table for good.
 fn scene(name: &str) -> (Scene, &'static Table<'static>) {
-    let scene = Scene::load(root().join(format!("scenes/{name}.toml"))).expect("a scene");
+    with_table(Scene::load(root().join(format!("scenes/{name}.toml"))).expect("a scene"))
+}
+
+fn with_table(scene: Scene) -> (Scene, &'static Table<'static>) {
     let owned: &OwnedTable = Box::leak(Box::new(scene.fit_table().expect("a table").table));
     (scene, Box::leak(Box::new(owned.table())))
 }
@@ -73,4 +76,25 @@ fn a_load_that_is_suddenly_too_light_for_its_place_is_let_go_as_far_as_a_high_ge
     d.rig.set_plant("load", "2N").expect("a load");
     d.run(15.0);
     assert_eq!(d.control.fault(), None);
+}
+
+/// Strings of half a millimetre on soft rods: friction holds the load while they are turned by 18 rad.
+#[test]
+fn a_load_on_thin_strings_is_probed_for_as_much_longer_as_they_have_more_turns() {
+    let thin = "
+        geometry = { string_length_m = 0.2, rod_span_m = 0.0465, clamp_width_m = 0.0088, rod_radius_m = 0.49e-3 }
+        string = { diameter_m = 0.5e-3, stiffness_n_per_m = 99.0, k1_per_n = 6.522, k2 = 0.127, k3 = 0.06878, k4 = 0.09601 }
+        material = { stress_coefficients_pa = [3.51e10, 0.0, 0.0, 0.0, 0.0] }
+        envelope = { load_n = [1.0, 5.0], turns = [0.0, 36.0] }
+        accuracy = { contraction_m = 1e-4, tr_relative = 2e-2 }
+        rig = { lvdt_gap_at_zero_m = 0.05 }";
+    let (scene, table) = with_table(Scene::from_toml_str(thin).expect("a scene"));
+    scene.check_rig().expect("a rig that can be");
+    for seed in 1..5 {
+        let settings =
+            PlantSettings { load_n: 1.8, twist_at_boot_rad: 72.0, ..PlantSettings::preset(RigPreset::Nominal, seed) };
+        let rig = EmulatedRig::new(&scene, settings, seed).expect("a rig");
+        let mut d = ControlBench::on(rig, Controller::new(table, scene.constants(), None));
+        d.home().unwrap_or_else(|why| panic!("seed {seed}: {why}"));
+    }
 }

@@ -38,10 +38,11 @@ const SMOOTHING: f32 = 0.25;
 /// A load that still oscillates after it has been waited for so long (s), in all, is homed all the same; the result is judged at
 /// the end.
 const QUIET_PATIENCE_S: f32 = 10.0;
-/// Longest probe (rad). Rail friction holds the load over several radians: 0.1 N under 0.5 N highly twisted for 6 rad, and 1 N under
-/// 15 N from one side of zero twist to the other. Against a jammed load the whole probe adds some 8 N. A gap that does not rise over
-/// so long a turn of the search for its maximum is that of a jammed load.
-const PROBE_TRAVEL: f32 = 18.0;
+/// Longest probe, as a fraction of the travel of the search for the maximum: 18 rad of [`SEEK_TRAVEL`]. Rail friction holds the load
+/// over several radians: 0.1 N under 0.5 N highly twisted for 6 rad, and 1 N under 15 N from one side of zero twist to the other; on
+/// thin strings, which have more turns, over more. Against a jammed load the whole probe adds some 8 N. A gap that does not rise over
+/// so long a turn of the search is that of a jammed load.
+const PROBE_FRACTION: f32 = 0.24;
 /// Speed of all of it (rad/s): a faster homing fails on more hard plants.
 pub const SPEED: f32 = 6.5;
 /// Fraction of the motor's speed that homing uses at most: friction and the spread of the torque constant may take the rest.
@@ -49,8 +50,8 @@ pub const MOTOR_FRACTION: f32 = 0.9;
 /// A shaft that is this far (rad) behind its set-point stands against fully closed strings: more than any drive lags at this
 /// speed, and little enough to turn back before the drive takes it for a stall and drops the load.
 const PROBE_BEHIND: f32 = 0.5;
-/// Farthest from the power-up twist that the maximum is looked for (rad), unless the table has more twist, and what the probe went
-/// astray aside.
+/// Farthest from the power-up twist that the maximum is looked for (rad), unless the table has more twist ([`seek_travel`]), and
+/// what the probe went astray aside.
 const SEEK_TRAVEL: f32 = 12.0 * TAU;
 /// Half the width of the sweeps across the maximum (rad).
 pub const SWEEP_HALF: f32 = 5.0;
@@ -166,9 +167,15 @@ pub struct Homing {
     lag_count: u16,
 }
 
-/// Longest homing (s) of strings with such a maximum twist (rad), start-up of the drive not counted.
+/// Farthest from the power-up twist (rad) that the maximum of strings with such a maximum twist (rad) is looked for.
+fn seek_travel(twist_max_rad: f32) -> f32 {
+    SEEK_TRAVEL.max(twist_max_rad)
+}
+
+/// Longest homing (s) of strings with such a maximum twist (rad), start-up of the drive not counted. A probe that went astray is
+/// gone back.
 pub fn time_out_s(twist_max_rad: f32) -> f32 {
-    TIME_OUT_S + (twist_max_rad - SEEK_TRAVEL).max(0.0) / SPEED
+    TIME_OUT_S + (1.0 + 2.0 * PROBE_FRACTION) * (seek_travel(twist_max_rad) - SEEK_TRAVEL) / SPEED
 }
 
 impl Homing {
@@ -221,7 +228,7 @@ impl Homing {
         self.smooth_gap_m += SMOOTHING * (gap_m - self.smooth_gap_m);
         self.phase = match self.phase {
             Phase::Quiet(quiet) => self.wait_for_quiet(quiet),
-            Phase::Probe { start_rad, gap_m } => self.probe(start_rad, gap_m, shaft_rad)?,
+            Phase::Probe { start_rad, gap_m } => self.probe(start_rad, gap_m, shaft_rad, twist_max_rad)?,
             Phase::Seek(seek) => self.seek(seek, shaft_rad, twist_max_rad)?,
             // From the far side, where the seek came to rest, so that nothing is travelled twice.
             Phase::CentreRest => match self.has_rested_at(self.zero_rad + self.direction * SWEEP_HALF) {
@@ -260,8 +267,14 @@ impl Homing {
         }
     }
 
-    fn probe(&mut self, start_rad: f32, gap_m: f32, shaft_rad: f32) -> Result<Phase, HomingFailure> {
-        let ended = self.turn_to(start_rad + PROBE_TRAVEL);
+    fn probe(
+        &mut self,
+        start_rad: f32,
+        gap_m: f32,
+        shaft_rad: f32,
+        twist_max_rad: f32,
+    ) -> Result<Phase, HomingFailure> {
+        let ended = self.turn_to(start_rad + PROBE_FRACTION * seek_travel(twist_max_rad));
         let change = self.smooth_gap_m - gap_m;
         let closed = self.ramp.position - shaft_rad > PROBE_BEHIND;
         if closed {
@@ -282,7 +295,8 @@ impl Homing {
     }
 
     fn seek(&mut self, mut seek: Seek, shaft_rad: f32, twist_max_rad: f32) -> Result<Phase, HomingFailure> {
-        let travel = SEEK_TRAVEL.max(twist_max_rad) + PROBE_TRAVEL;
+        let probed = PROBE_FRACTION * seek_travel(twist_max_rad);
+        let travel = seek_travel(twist_max_rad) + probed;
         self.turn_to(seek.start_rad + self.direction * travel);
         // The probe may have left the motor going the other way: only what lies ahead counts.
         let ahead = (shaft_rad - seek.start_rad) * self.direction > -0.05;
@@ -304,7 +318,7 @@ impl Homing {
         if seek.low_m.is_none() && fall_m > TRAVEL_M {
             self.zero_rad = seek.top_rad;
             Ok(Phase::CentreRest)
-        } else if seek.low_m.is_some() && (fall_m > 10.0 * TRAVEL_M || turned > PROBE_TRAVEL) {
+        } else if seek.low_m.is_some() && (fall_m > 10.0 * TRAVEL_M || turned > probed) {
             // This is not the way to zero twist: more of it would close the strings.
             Err(HomingFailure::NoPretwist)
         } else if turned > 0.98 * travel {
@@ -441,11 +455,13 @@ mod tests {
         assert_eq!(seeks(1.0, &[-2e-3, -2.99e-3]).err(), None);
         assert_eq!(seeks(1.0, &[-2e-3, -3.01e-3]).err(), Some(HomingFailure::NoPretwist));
         // A load that does not rise.
-        assert_eq!(seeks(0.99 * PROBE_TRAVEL, &[0.0]).err(), None);
-        assert_eq!(seeks(1.01 * PROBE_TRAVEL, &[0.0]).err(), Some(HomingFailure::NoPretwist));
+        for (twist_max_rad, probe) in [(50.0, 18.1), (150.0, 36.0)] {
+            assert_eq!(seeks_on(twist_max_rad, 0.99 * probe, &[0.0]).err(), None);
+            assert_eq!(seeks_on(twist_max_rad, 1.01 * probe, &[0.0]).err(), Some(HomingFailure::NoPretwist));
+        }
         // One that rises all the way.
         let travel_end = Some(HomingFailure::TravelEnd);
-        for (twist_max_rad, travel) in [(50.0, SEEK_TRAVEL + PROBE_TRAVEL), (130.0, 130.0 + PROBE_TRAVEL)] {
+        for (twist_max_rad, travel) in [(50.0, 75.4 + 18.1), (150.0, 150.0 + 36.0)] {
             assert_eq!(seeks_on(twist_max_rad, 0.97 * travel, &[1e-3]).err(), None);
             assert_eq!(seeks_on(twist_max_rad, 0.99 * travel, &[1e-3]).err(), travel_end);
         }
@@ -454,7 +470,8 @@ mod tests {
     #[test]
     fn strings_of_more_turns_have_as_much_longer_to_be_homed() {
         assert_eq!(time_out_s(50.0), TIME_OUT_S);
+        // 10 s longer to search, and a quarter of it there and back.
         let longer = SEEK_TRAVEL + 10.0 * SPEED;
-        assert!((time_out_s(longer) - TIME_OUT_S - 10.0).abs() < 1e-3);
+        assert!((time_out_s(longer) - TIME_OUT_S - 14.8).abs() < 1e-3);
     }
 }
