@@ -107,7 +107,7 @@ impl FrictionCompensation {
     /// Works out how far it is to take up a fraction of the friction.
     fn plan(&mut self, fraction: f32, load: &LoadState<'_>) {
         let (direction, observation) = (self.direction, &load.observation);
-        let friction_n = load.found.friction_n;
+        let friction_n = observation.friction_n;
         let end_n = observation.mechanism_load_n + direction * friction_n;
         // At this twist, the gap that goes with the pull at the other end of the band.
         let end = load.mechanism.at(end_n, load.twist_rad);

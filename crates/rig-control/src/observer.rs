@@ -33,6 +33,8 @@ pub const SETTLED_TICKS: u16 = 40;
 /// Standard deviation of a load that is anywhere within the friction band, as a fraction of the friction: 1/√3, with every place as
 /// likely as the others.
 const RESTING_BAND: f32 = 0.577;
+/// Friction of a rail that grows with its load, at most, as a fraction of the load.
+const MAX_FRICTION_GROWTH: f32 = 0.05;
 /// Standard error by creep and warming up, as a fraction of the load, at once and in the end; and the time that it takes (s).
 const DRIFT: [f32; 2] = [0.003, 0.012];
 const DRIFT_S: f32 = 600.0;
@@ -74,7 +76,7 @@ pub struct LoadObserver {
     /// Time since homing (s).
     age_s: f32,
     /// Coulomb friction of the rail, found at homing (N).
-    friction_n: f32,
+    homed_friction_n: f32,
     /// Standard error of where the pull is within the friction band, as a fraction of the friction. It is 0 after the load has moved,
     /// because the pull is then at an end of the band.
     band: f32,
@@ -111,6 +113,8 @@ pub struct Observation {
     pub at_range_end: bool,
     /// Error of the estimate, 90 % (N).
     pub load_error_n: f32,
+    /// Coulomb friction of the rail under this load (N).
+    pub friction_n: f32,
     /// The pull has just been outside the friction band: another load, or not settled yet.
     pub changing: bool,
     /// The load is that of homing, or moves have confirmed it since.
@@ -146,7 +150,7 @@ impl LoadObserver {
             memory,
             peak_n: 0.0,
             age_s: 0.0,
-            friction_n: homed.friction_n,
+            homed_friction_n: homed.friction_n,
             band: 0.0,
             direction: -1.0,
             noise_free_gap_m: None,
@@ -161,6 +165,15 @@ impl LoadObserver {
     /// The load that hangs (N).
     pub fn load_n(&self) -> f32 {
         self.memory.load_n(self.apparent_n)
+    }
+
+    /// Coulomb friction of the rail (N). Some of what homing found grows with the load, and one homing cannot tell how much: under a
+    /// lighter load the friction is anywhere between the homed one and the least that it can have fallen to, and is taken in the
+    /// middle. Under a heavier one it stays as homed, because stick-slip leaves the pull below the end of the band by about as much
+    /// as the friction grows.
+    fn friction_n(&self) -> f32 {
+        let growth = MAX_FRICTION_GROWTH.min(self.homed_friction_n / self.homed_n);
+        self.homed_friction_n - 0.5 * growth * (self.homed_n - self.apparent_n).max(0.0)
     }
 
     /// Ends a move along which the load weighed the same (`agrees`) or did not. A move up and a move down with the same
@@ -203,7 +216,7 @@ impl LoadObserver {
     /// Errors of the load that a move may show as if the strings had drifted.
     pub fn known_errors(&self) -> KnownErrors {
         let change = self.shape_error * (self.apparent_n - self.homed_n).abs() / self.homed_n;
-        let noise_n = libm::hypotf(NINETY_PERCENT * DRIFT[0] * self.apparent_n, RESTING_BAND * self.friction_n);
+        let noise_n = libm::hypotf(NINETY_PERCENT * DRIFT[0] * self.apparent_n, RESTING_BAND * self.friction_n());
         KnownErrors { memory: self.memory.excess(self.load_n()), change, noise_n }
     }
 
@@ -213,12 +226,15 @@ impl LoadObserver {
         let gap_n = libm::hypotf(open_m, self.gap_noise_m) / point.dgap_dload_m_per_n;
         let load_n = self.load_n();
         let hidden_n = self.hidden_error * load_n;
-        let band_n = self.band * self.friction_n;
+        let friction_n = self.friction_n();
+        let band_n = self.band * friction_n;
+        // Half the width of what the friction may be, with every place in it as likely as the others.
+        let growth_n = RESTING_BAND * (self.homed_friction_n - friction_n);
         let change_n = self.shape_error * (self.apparent_n - self.homed_n);
         let memory_n = MEMORY_ERROR * self.memory.excess(load_n) * load_n;
         let drift = DRIFT[0] + (DRIFT[1] - DRIFT[0]) * (self.age_s / DRIFT_S).min(1.0);
         let drift_n = drift * load_n;
-        let parts_n = [gap_n, hidden_n, band_n, change_n, memory_n, drift_n];
+        let parts_n = [gap_n, hidden_n, band_n, growth_n, change_n, memory_n, drift_n];
         NINETY_PERCENT * libm::sqrtf(parts_n.iter().map(|part_n| part_n * part_n).sum())
     }
 
@@ -228,7 +244,7 @@ impl LoadObserver {
         self.age_s += TICK_S;
         // First, because it decides at which end of the friction band the pull is expected.
         let moved_m = measured.map_or(0.0, |measured| self.track_gap(measured.gap_m));
-        let expected_n = self.apparent_n + self.direction * self.friction_n;
+        let expected_n = self.apparent_n + self.direction * self.friction_n();
         let point = mechanism.at(expected_n, twist_rad);
         let mut at_range_end = false;
         let mut pull_n = expected_n;
@@ -264,7 +280,7 @@ impl LoadObserver {
             LoadChoice::Auto => (self.apparent_n, point),
             LoadChoice::Known(given_n) => {
                 let load_n = given_n.clamp(m.load_min_n, m.load_max_n);
-                (load_n, mechanism.at(load_n + self.direction * self.friction_n, twist_rad))
+                (load_n, mechanism.at(load_n + self.direction * self.friction_n(), twist_rad))
             }
         };
         Observation {
@@ -275,6 +291,7 @@ impl LoadObserver {
             moved_m,
             at_range_end,
             load_error_n,
+            friction_n: self.friction_n(),
             changing: self.quiet_ticks < SETTLED_TICKS,
             confirmed: self.is_confirmed(),
         }
@@ -298,7 +315,7 @@ impl LoadObserver {
     /// `noise_n` is no other load.
     fn correction(&mut self, innovation_n: f32, moved_m: f32, noise_n: f32) -> f32 {
         // Where the pull may be, relative to its end of the band.
-        let (far, near) = (-2.0 * self.friction_n * self.direction, 0.0f32);
+        let (far, near) = (-2.0 * self.friction_n() * self.direction, 0.0f32);
         let beyond = innovation_n - innovation_n.clamp(far.min(near), far.max(near));
         let follow = TICK_S / TIME_CONSTANT_S;
         let mut step = innovation_n * follow.min(moved_m / TRAVEL_M);
@@ -433,23 +450,38 @@ mod tests {
     #[test]
     fn along_a_move_friction_and_creep_are_no_evidence() {
         let mut o = observer(0.0);
-        o.friction_n = 0.4;
+        o.homed_friction_n = 0.4;
         let expected_n = together(&[NINETY_PERCENT * 0.003 * 5.0, RESTING_BAND * 0.4]);
         assert!(same(o.known_errors().noise_n, expected_n), "{:?}", o.known_errors());
     }
 
     #[test]
+    fn friction_falls_with_the_load_by_half_of_what_it_may_and_does_not_grow() {
+        let mut o = observer(0.0);
+        // Of 5 N, a rail with 0.4 N may have 0.05 that grow with it; one with 0.1 N has 0.02 of it at most.
+        for (homed_friction_n, apparent_n, friction_n) in
+            [(0.4, 5.0, 0.4), (0.4, 1.0, 0.3), (0.4, 9.0, 0.4), (0.1, 1.0, 0.06), (0.0, 1.0, 0.0)]
+        {
+            (o.homed_friction_n, o.apparent_n) = (homed_friction_n, apparent_n);
+            assert!((o.friction_n() - friction_n).abs() < 1e-6, "{} for {friction_n}", o.friction_n());
+        }
+    }
+
+    #[test]
     fn each_part_of_the_error_adds_its_square() {
         let mut o = observer(0.1);
-        o.friction_n = 0.4;
+        o.homed_friction_n = 0.4;
         o.band = 0.3;
         o.memory.heaviest_n = 10.0;
         o.apparent_n = o.memory.apparent_n(3.0);
         let load_n = o.load_n();
         let memory = MEMORY_ERROR * o.memory.excess(load_n);
+        // The friction may have fallen by up to a twentieth of the difference between the loads.
+        let fallen_n = 0.5 * 0.05 * (5.0 - o.apparent_n);
         let parts = [
             0.5 / (5.0 * NINETY_PERCENT) * load_n,
-            0.3 * 0.4,
+            0.3 * (0.4 - fallen_n),
+            fallen_n / libm::sqrtf(3.0),
             0.1 * (5.0 - o.apparent_n),
             memory * load_n,
             DRIFT[0] * load_n,

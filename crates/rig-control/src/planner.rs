@@ -183,7 +183,7 @@ impl Planner {
         let direction = libm::copysignf(1.0, distance_m);
         let piece_m = distance_m.abs() / f32::from(PIECES);
         // What the strings pull on the way: they carry friction upwards, and friction carries the load downwards.
-        let load_n = load.observation.mechanism_load_n + direction * load.found.friction_n;
+        let load_n = load.observation.mechanism_load_n + direction * load.observation.friction_n;
         let limits = |point: &Point| Limits::for_motor(asked_m_per_s, point, load_n, load.rig).0;
         let mut twist_rad = load.twist_rad;
         let mut point = load.observation.point;

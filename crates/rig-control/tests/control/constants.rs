@@ -8,7 +8,7 @@ const KINDS: [&str; 5] = ["derived", "sheet", "limit", "tuned", "layout"];
 /// Types of constants that are numbers.
 const NUMBERS: [&str; 9] = ["f32", "u8", "u16", "u32", "u64", "i16", "i32", "i64", "usize"];
 /// No more than these; a change that needs fewer lowers them.
-const MOST: usize = 118;
+const MOST: usize = 119;
 const MOST_TUNED: usize = 24;
 
 /// File and name of each constant that is a number, in a folder of sources and below, without those of tests.

@@ -66,6 +66,7 @@ pub fn hanging(load_n: f32, friction_n: f32, twist_rad: f32) -> LoadState<'stati
         moved_m: 0.0,
         at_range_end: false,
         load_error_n: 0.1,
+        friction_n,
         changing: false,
         confirmed: true,
     };

@@ -52,6 +52,26 @@ fn a_pull_anywhere_in_the_friction_band_says_nothing_of_a_load_at_rest() {
     }
 }
 
+/// Of the friction under the homed load a part grows with the load (0.4 N and 3 %, as on a hard plant).
+#[test]
+fn a_light_load_that_moves_is_not_taken_for_one_with_all_the_friction_of_the_heavy_one_before() {
+    let friction_n = |load_n: f32| 0.4 + 0.03 * load_n;
+    let homed = HomingResult { load_n: 12.0, friction_n: friction_n(12.0), ..HOMED };
+    let known = Uncertainty { twist_scale: 0.01, gap_zero_m: 1e-4, load_shape: 0.03, rod_memory: 1e-6 };
+    let mut observer = LoadObserver::new(&homed, &known, 0.0);
+    pulls(&mut observer, homed.load_n - homed.friction_n, 50);
+    // It springs up, and is brought down by strings that untwist.
+    let (load_n, friction_n) = (1.5, friction_n(1.5));
+    pulls(&mut observer, load_n + friction_n, 100);
+    let mut at = |twist_rad: f32| {
+        let gap_m = mechanism().at(load_n - friction_n, twist_rad).gap_m;
+        observer.step(&mechanism(), twist_rad, Some(&measured(gap_m)))
+    };
+    let seen = (0..=200u8).map(|k| at(TWIST_RAD - 0.05 * f32::from(k))).last().expect("a tick");
+    near(seen.mechanism_load_n, load_n, 0.1);
+    near(seen.friction_n, friction_n, 0.1);
+}
+
 #[test]
 fn a_pull_beyond_the_band_is_another_load_that_is_followed_in_the_time_constant() {
     for (load_n, end_n) in [(7.0f32, 7.0 - FRICTION_N), (3.5, 3.5 + FRICTION_N)] {
