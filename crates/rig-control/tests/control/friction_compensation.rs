@@ -9,9 +9,10 @@ use rig_control::planner::{Motion, SetPoint};
 
 const WAITING: SetPoint = SetPoint { done: false, ..SetPoint::at(0.0) };
 
-/// A load of 6 N with 0.3 N of friction that has come down: its strings pull 5.7 N.
+/// A load of 6 N with 0.3 N of friction that has come down: its strings pull 5.7 N. A heavier one was homed with 0.5 N of friction.
 fn came_down() -> LoadState<'static> {
-    let mut load = hanging(6.0, 0.3, 25.0);
+    let mut load = hanging(6.0, 0.5, 25.0);
+    load.observation.friction_n = 0.3;
     load.observation.pull_n = 5.7;
     load.observation.point = load.mechanism.at(5.7, 25.0);
     load.motion = LoadMotion::at_rest(&load.mechanism, load.observation.point.gap_m, 25.0, 5.7);
@@ -20,7 +21,7 @@ fn came_down() -> LoadState<'static> {
 
 /// Twist (rad) that takes the strings' pull from one end of the friction band to the other at a load that does not move.
 fn band_rad(load: &LoadState<'_>) -> f32 {
-    let high = load.mechanism.at(6.0 + load.found.friction_n, load.twist_rad);
+    let high = load.mechanism.at(6.0 + load.observation.friction_n, load.twist_rad);
     (high.gap_m - load.mechanism.at(load.observation.pull_n, load.twist_rad).gap_m) * high.tr_rad_per_m()
 }
 
