@@ -33,7 +33,7 @@ pub const SETTLED_TICKS: u16 = 40;
 /// Standard deviation of a load that is anywhere within the friction band, as a fraction of the friction: 1/√3, with every place as
 /// likely as the others.
 const RESTING_BAND: f32 = 0.577;
-/// Friction of a rail that grows with its load, at most, as a fraction of the load.
+/// Maximum by which the friction of a rail grows with its load, as a fraction of the load.
 const MAX_FRICTION_GROWTH: f32 = 0.05;
 /// Standard error by creep and warming up, as a fraction of the load, at once and in the end; and the time that it takes (s).
 const DRIFT: [f32; 2] = [0.003, 0.012];
@@ -169,8 +169,8 @@ impl LoadObserver {
 
     /// Coulomb friction of the rail (N). Some of what homing found grows with the load, and one homing cannot tell how much: under a
     /// lighter load the friction is anywhere between the homed one and the least that it can have fallen to, and is taken in the
-    /// middle. Under a heavier one it stays as homed, because stick-slip leaves the pull below the end of the band by about as much
-    /// as the friction grows.
+    /// middle. Under a heavier one it stays as homed: with friction that grows there, fewer stated errors of heavy loads hold the truth
+    /// (constants.csv).
     fn friction_n(&self) -> f32 {
         let growth = MAX_FRICTION_GROWTH.min(self.homed_friction_n / self.homed_n);
         self.homed_friction_n - 0.5 * growth * (self.homed_n - self.apparent_n).max(0.0)

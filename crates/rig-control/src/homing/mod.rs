@@ -172,8 +172,13 @@ fn seek_travel(twist_max_rad: f32) -> f32 {
     SEEK_TRAVEL.max(twist_max_rad)
 }
 
-/// Longest homing (s) of strings with such a maximum twist (rad), start-up of the drive not counted. A probe that went astray is
-/// gone back.
+/// Farthest (rad) that such strings are turned to find the direction in which the gap grows.
+fn probe_travel(twist_max_rad: f32) -> f32 {
+    PROBE_FRACTION * seek_travel(twist_max_rad)
+}
+
+/// Longest homing (s) of strings with such a maximum twist (rad), start-up of the drive not counted. It includes a probe in the wrong
+/// direction, and the way back.
 pub fn time_out_s(twist_max_rad: f32) -> f32 {
     TIME_OUT_S + (1.0 + 2.0 * PROBE_FRACTION) * (seek_travel(twist_max_rad) - SEEK_TRAVEL) / SPEED
 }
@@ -274,7 +279,7 @@ impl Homing {
         shaft_rad: f32,
         twist_max_rad: f32,
     ) -> Result<Phase, HomingFailure> {
-        let ended = self.turn_to(start_rad + PROBE_FRACTION * seek_travel(twist_max_rad));
+        let ended = self.turn_to(start_rad + probe_travel(twist_max_rad));
         let change = self.smooth_gap_m - gap_m;
         let closed = self.ramp.position - shaft_rad > PROBE_BEHIND;
         if closed {
@@ -295,8 +300,7 @@ impl Homing {
     }
 
     fn seek(&mut self, mut seek: Seek, shaft_rad: f32, twist_max_rad: f32) -> Result<Phase, HomingFailure> {
-        let probed = PROBE_FRACTION * seek_travel(twist_max_rad);
-        let travel = seek_travel(twist_max_rad) + probed;
+        let travel = seek_travel(twist_max_rad) + probe_travel(twist_max_rad);
         self.turn_to(seek.start_rad + self.direction * travel);
         // The probe may have left the motor going the other way: only what lies ahead counts.
         let ahead = (shaft_rad - seek.start_rad) * self.direction > -0.05;
@@ -318,7 +322,7 @@ impl Homing {
         if seek.low_m.is_none() && fall_m > TRAVEL_M {
             self.zero_rad = seek.top_rad;
             Ok(Phase::CentreRest)
-        } else if seek.low_m.is_some() && (fall_m > 10.0 * TRAVEL_M || turned > probed) {
+        } else if seek.low_m.is_some() && (fall_m > 10.0 * TRAVEL_M || turned > probe_travel(twist_max_rad)) {
             // This is not the way to zero twist: more of it would close the strings.
             Err(HomingFailure::NoPretwist)
         } else if turned > 0.98 * travel {
